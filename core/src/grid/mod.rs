@@ -1,0 +1,129 @@
+//! Diced geometry: micropolygon grids with time-sampled vertices.
+//!
+//! A [`DicedMesh`] is one object's grids, ready for the BVH. Positions are f32 relative to
+//! [`DicedMesh::origin`] (f64), so that an object far from the world's origin loses nothing.
+//!
+//! **Layout.** Grid `g` has `(nu+1) * (nv+1)` lattice vertices, row-major, `u` fastest. Its
+//! vertices have numbers `first_vertex .. first_vertex + vertex_count`. With `K` keys, positions are
+//! stored key-major inside the grid: vertex `i` of the grid at key `k` stands at
+//! `first_vertex * K + k * vertex_count + i`. Normals have the same layout with `normal_key_count`
+//! keys. Channels are per vertex number, not per key.
+//!
+//! **Motion.** Between neighbouring keys a vertex moves on a straight line at constant speed:
+//! `P(time) = (1 - f) P_k + f P_{k+1}`, with `f = (time - t_k) / (t_{k+1} - t_k)`. Where the path
+//! the scene asks for is curved, dicing has already added keys.
+//!
+//! **Micropolygons.** Cell `(i, j)` of a grid has corners `(i,j) (i+1,j) (i+1,j+1) (i,j+1)`, and is
+//! two triangles split by the diagonal `(i,j)-(i+1,j+1)`; cell number `j * nu + i`. Cells may be
+//! degenerate (stitching copies vertices).
+
+use glam::{DVec3, Vec3};
+
+/// One micropolygon grid.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Grid {
+    /// Number of this grid's first lattice vertex.
+    pub first_vertex: u32,
+    /// Authored face that the grid lies on.
+    pub element: u32,
+    /// Micropolygons along u, 1 to [`MAX_GRID_RATE`].
+    pub nu: u16,
+    /// Micropolygons along v, 1 to [`MAX_GRID_RATE`].
+    pub nv: u16,
+}
+
+/// Most micropolygons along one side of a grid.
+pub const MAX_GRID_RATE: u32 = 16;
+
+impl Grid {
+    /// Lattice vertices of the grid.
+    pub fn vertex_count(&self) -> usize {
+        (self.nu as usize + 1) * (self.nv as usize + 1)
+    }
+    /// Micropolygons of the grid.
+    pub fn cell_count(&self) -> usize {
+        self.nu as usize * self.nv as usize
+    }
+}
+
+/// A primvar over the lattice vertices of a diced mesh.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct GridChannel {
+    /// Floats per vertex.
+    pub width: usize,
+    /// `vertex_count * width` floats.
+    pub values: Vec<f32>,
+}
+
+/// One object's grids.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct DicedMesh {
+    /// What positions are relative to, in the space they were diced in (world for flattened
+    /// objects, object space for instanced prototypes).
+    pub origin: DVec3,
+    /// Key times across the shutter, ascending; one key (0) when nothing moves, else the first is 0
+    /// and the last is 1.
+    pub key_times: Vec<f32>,
+    /// Grids.
+    pub grids: Vec<Grid>,
+    /// Lattice vertices of all grids, per key.
+    pub vertex_count: usize,
+    /// Positions; see the module's text for the layout.
+    pub positions: Vec<Vec3>,
+    /// Keys of `normals`: 0 (none stored: flat shading), 1, or the number of position keys.
+    pub normal_key_count: usize,
+    /// Unit normals, octahedral, see [`crate::grid::octahedral`].
+    pub normals: Vec<u32>,
+    /// Channels in the surface's order.
+    pub channels: Vec<GridChannel>,
+}
+
+impl DicedMesh {
+    /// Number of position keys.
+    pub fn key_count(&self) -> usize {
+        self.key_times.len()
+    }
+    /// True when vertices move within the shutter.
+    pub fn is_moving(&self) -> bool {
+        self.key_times.len() > 1
+    }
+    /// Micropolygons of all grids.
+    pub fn cell_count(&self) -> usize {
+        self.grids.iter().map(Grid::cell_count).sum()
+    }
+    /// Positions of grid `g` at key `k`.
+    pub fn grid_positions(&self, g: usize, k: usize) -> &[Vec3] {
+        let grid = &self.grids[g];
+        let n = grid.vertex_count();
+        let start = grid.first_vertex as usize * self.key_count() + k * n;
+        &self.positions[start..start + n]
+    }
+    /// Normals of grid `g` at key `k` (`k < normal_key_count`).
+    pub fn grid_normals(&self, g: usize, k: usize) -> &[u32] {
+        let grid = &self.grids[g];
+        let n = grid.vertex_count();
+        let start = grid.first_vertex as usize * self.normal_key_count + k * n;
+        &self.normals[start..start + n]
+    }
+}
+
+/// Segment of `key_times` that holds `time` (clamped to the keys), and the fraction inside it. One
+/// key gives `(0, 0.0)`. The only place where a time becomes a segment.
+pub fn locate_key(key_times: &[f32], time: f32) -> (usize, f32) {
+    let n = key_times.len();
+    if n < 2 {
+        return (0, 0.0);
+    }
+    let k = key_times[1..n - 1].partition_point(|&t| t <= time);
+    let (a, b) = (key_times[k], key_times[k + 1]);
+    (k, ((time - a) / (b - a)).clamp(0.0, 1.0))
+}
+
+/// A vertex between two keys: the one interpolation order that every stage uses, so that a shared
+/// vertex has the same bits in every grid that holds it.
+#[inline(always)]
+pub fn lerp_position(p0: Vec3, p1: Vec3, f: f32) -> Vec3 {
+    p0 + (p1 - p0) * f
+}
+
+pub mod octahedral;

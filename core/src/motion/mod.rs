@@ -1,0 +1,10 @@
+//! Motion: raw time samples resolved to the shutter, and the one path that every point follows.
+//!
+//! Hosts give samples at any times, in time codes relative to the frame. [`keys`] turns a set of
+//! samples into keys on [0, 1] across the shutter (sorted, de-duplicated, interpolated at open and
+//! close; one key where nothing changes). [`path`] composes transforms and points: a point's path is
+//! M(t) p(t), M interpolated as a matrix, p linearly.
+
+pub mod path;
+
+pub use path::PointPath;

@@ -1,0 +1,109 @@
+//! Render settings.
+
+/// Pixel filter.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum FilterKind {
+    /// Box.
+    Box,
+    /// Gaussian (the default), truncated at its width.
+    #[default]
+    Gaussian,
+    /// Mitchell-Netravali, B = C = 1/3.
+    Mitchell,
+    /// Blackman-Harris window.
+    BlackmanHarris,
+}
+
+impl FilterKind {
+    /// Diameter in pixels that the filter has where none is given.
+    pub fn default_width(self) -> f32 {
+        match self {
+            FilterKind::Box => 1.0,
+            FilterKind::Gaussian => 2.0,
+            FilterKind::Mitchell => 4.0,
+            FilterKind::BlackmanHarris => 3.0,
+        }
+    }
+}
+
+/// How the camera's aspect ratio meets the image's (CameraUtilConformWindowPolicy).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum WindowPolicy {
+    /// Keep the width, change the height (usdrecord's).
+    #[default]
+    MatchHorizontally,
+    /// Keep the height, change the width.
+    MatchVertically,
+    /// Show all of the camera's view, and more.
+    Fit,
+    /// Fill the image with part of the camera's view.
+    Crop,
+    /// Stretch.
+    DontConform,
+}
+
+/// Settings of one render.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RenderSettings {
+    /// Image width and height, pixels.
+    pub resolution: [u32; 2],
+    /// Pixels to render: x0, y0, x1, y1, half open, y down from the top; the rest stays empty.
+    pub crop: Option<[u32; 4]>,
+    /// Pixel width over height.
+    pub pixel_aspect: f32,
+    /// Window policy.
+    pub window_policy: WindowPolicy,
+    /// Samples a pixel, at least 1.
+    pub samples: u32,
+    /// Micropolygon edge in pixels.
+    pub shading_rate: f32,
+    /// Pixel filter.
+    pub filter: FilterKind,
+    /// Filter diameter in pixels; 0 for the filter's own default.
+    pub filter_width: f32,
+    /// Seed of all sample patterns.
+    pub seed: u32,
+    /// Threads; 0 for all cores.
+    pub threads: u32,
+    /// Shutter in place of the camera's, time codes relative to the frame.
+    pub shutter: Option<[f64; 2]>,
+    /// Freeze everything at shutter open.
+    pub disable_motion_blur: bool,
+    /// Treat the lens as a pinhole.
+    pub disable_defocus: bool,
+    /// Light at the camera when the scene has no light.
+    pub camera_light: bool,
+    /// Part of the shutter that samples are drawn from, in [0, 1]; dicing still sees all of it.
+    pub time_window: [f32; 2],
+    /// A fixed point on the unit lens disk for every sample, in place of drawing one.
+    pub lens_point: Option<[f32; 2]>,
+    /// Most micropolygons that dicing may make; beyond it rates are coarsened with a warning.
+    pub max_micropolygons: u64,
+    /// AOVs to render, by name; unknown names give a warning.
+    pub aovs: Vec<String>,
+}
+
+impl Default for RenderSettings {
+    fn default() -> Self {
+        Self {
+            resolution: [960, 540],
+            crop: None,
+            pixel_aspect: 1.0,
+            window_policy: WindowPolicy::default(),
+            samples: 64,
+            shading_rate: 1.0,
+            filter: FilterKind::default(),
+            filter_width: 0.0,
+            seed: 0,
+            threads: 0,
+            shutter: None,
+            disable_motion_blur: false,
+            disable_defocus: false,
+            camera_light: true,
+            time_window: [0.0, 1.0],
+            lens_point: None,
+            max_micropolygons: 200_000_000,
+            aovs: vec!["color".to_owned()],
+        }
+    }
+}

@@ -1,0 +1,147 @@
+//! Limit surfaces: what dicing evaluates.
+//!
+//! A [`LimitSurface`] is a mesh whose faces can be evaluated anywhere, at every position key at
+//! once. Subdivision surfaces come from an implementation outside this crate (OpenSubdiv); polygons
+//! (`subdivisionScheme = none`) are [`polygon::PolygonSurface`].
+//!
+//! **Patches.** Dicing sees unit squares only. A face is presented through one or more
+//! [`PatchDomain`]s, each the image of the unit square `(s, t)`:
+//!
+//! * `Whole`: a quad. (0,0) (1,0) (1,1) (0,1) are face corners 0, 1, 2, 3.
+//! * `Corner(i)`: one quad sub-face of a triangle or n-gon. (0,0) is corner `i`, (1,0) the middle
+//!   of the edge from corner `i` to `i+1`, (1,1) the face centre, (0,1) the middle of the edge from
+//!   corner `i-1` to `i`.
+//! * `Collapsed`: a triangle as a quad whose edge `t = 1` is collapsed: (0,0) (1,0) (1,1)=(0,1)
+//!   are corners 0, 1, 2, 2.
+//!
+//! Positions are object space, in the mesh's own units, in f32; times are the position keys' own.
+
+pub mod topology;
+
+use glam::{Vec2, Vec3};
+
+pub use topology::{
+    BoundaryInterpolation, Crease, FaceVaryingLinear, MeshTopology, Orientation, Scheme,
+    TriangleRule,
+};
+
+/// How a face is cut into patches with unit-square domains; see the module's text.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum PatchDomain {
+    /// A quad face as it is.
+    Whole,
+    /// The quad sub-face at this corner of a triangle or n-gon.
+    Corner(u32),
+    /// A triangle as a quad with a collapsed edge.
+    Collapsed,
+}
+
+/// What one evaluation writes: key-major arrays, `[key][sample]`.
+#[derive(Clone, Debug, Default)]
+pub struct LimitSamples {
+    /// Limit positions, `key_count * sample_count`.
+    pub positions: Vec<Vec3>,
+    /// Unit limit normals, same shape, or empty when not asked for. A normal that is not defined
+    /// (a degenerate point) is zero. Orientation is applied: normals point out of the front.
+    pub normals: Vec<Vec3>,
+}
+
+/// A primvar that is interpolated over the limit surface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct ChannelInfo {
+    /// Floats per sample.
+    pub width: usize,
+}
+
+/// A mesh that can be evaluated at the limit. Shared between threads; each thread makes its own
+/// [`LimitEvaluator`].
+pub trait LimitSurface: Send + Sync {
+    /// Number of faces, in this surface's own numbering.
+    fn face_count(&self) -> usize;
+    /// Base vertices of a face in authored order, or an empty slice where the face has no limit
+    /// surface (a hole, or a boundary face that interpolateBoundary drops).
+    fn face_vertices(&self, face: u32) -> &[u32];
+    /// The authored face (elementId) that this face belongs to: differs from `face` where polygons
+    /// were triangulated.
+    fn element(&self, face: u32) -> u32;
+    /// Number of position keys.
+    fn key_count(&self) -> usize;
+    /// Channels that [`LimitEvaluator::evaluate_channel`] knows, in the order they were given.
+    fn channels(&self) -> &[ChannelInfo];
+    /// True where the surface is piecewise flat or bilinear between its base vertices, so that
+    /// dicing it finer adds no shape (polygons without displacement).
+    fn is_polygonal(&self) -> bool;
+    /// An evaluator for the calling thread.
+    fn evaluator(&self) -> Box<dyn LimitEvaluator + '_>;
+}
+
+/// Evaluates one bound face at a time, a whole lattice per call.
+pub trait LimitEvaluator {
+    /// Prepares `face` (patch points at every key). The face must have a limit surface.
+    fn bind(&mut self, face: u32);
+    /// Evaluates positions, and normals where asked, at `st` inside `domain` of the bound face.
+    /// `out` is overwritten. The same `(face, domain, st)` always gives the same bits.
+    fn evaluate(
+        &mut self,
+        domain: PatchDomain,
+        st: &[Vec2],
+        with_normals: bool,
+        out: &mut LimitSamples,
+    );
+    /// Evaluates channel `channel` at `st`: `out` becomes `st.len() * width` floats.
+    fn evaluate_channel(
+        &mut self,
+        channel: usize,
+        domain: PatchDomain,
+        st: &[Vec2],
+        out: &mut Vec<f32>,
+    );
+}
+
+/// How a channel's values are spread over the mesh.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum ChannelKind {
+    /// One value a vertex, smoothed with the scheme.
+    Vertex,
+    /// One value a vertex, interpolated linearly over each face.
+    Varying,
+    /// One value a face-vertex, smoothed as faceVaryingLinearInterpolation says.
+    FaceVarying,
+}
+
+/// A channel handed to a surface when it is made. Lengths were checked by the caller.
+#[derive(Clone, Debug)]
+pub struct Channel {
+    /// Spread over the mesh.
+    pub kind: ChannelKind,
+    /// Floats per value.
+    pub width: usize,
+    /// `value_count * width` floats.
+    pub values: Vec<f32>,
+    /// For face-varying data: index into `values` for each face-vertex (length: index count), which
+    /// carries the seams. Empty for the other kinds.
+    pub indices: Vec<u32>,
+}
+
+/// Why a surface could not be made.
+#[derive(Debug, thiserror::Error)]
+pub enum SurfaceError {
+    /// The topology cannot be used with the scheme (loop on quads, for one).
+    #[error("{0}")]
+    Topology(String),
+    /// The subdivision library refused.
+    #[error("subdivision failed: {0}")]
+    Library(String),
+}
+
+/// Makes limit surfaces for subdivision schemes; the session is given one.
+pub trait SubdivisionFactory: Send + Sync {
+    /// A limit surface over checked topology. `points[key]` are object-space base vertices, all of
+    /// one length. Scheme is never `None`.
+    fn create(
+        &self,
+        topology: &MeshTopology,
+        points: &[Vec<Vec3>],
+        channels: Vec<Channel>,
+    ) -> Result<Box<dyn LimitSurface>, SurfaceError>;
+}
