@@ -1,0 +1,39 @@
+# hdTrapeze: every common task by one word. `make help` lists them.
+SHELL := /bin/bash
+.SHELLFLAGS := -eu -o pipefail -c
+.DEFAULT_GOAL := help
+.PHONY: help setup demo test lint format bench clean distclean
+
+PY := .venv/bin/python
+# Threads and samples of the demo may be set on the command line: make demo DEMO_FLAGS="--samples 16"
+DEMO_FLAGS ?=
+
+help: ## List the targets
+	@awk -F':.*## ' '/^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+
+setup: ## Install what is missing, make .venv, build the release libraries and the command
+	@scripts/setup.sh
+
+demo: setup ## Render examples/demo to out/demo.exr and out/demo.png
+	@scripts/demo.sh $(DEMO_FLAGS)
+
+test: ## Everything CI runs: formats, lints, layers, Rust, C and Python tests, documentation
+	@scripts/setup.sh --tools
+	@scripts/test.sh
+
+lint: ## Only formats, lints and the direction of imports
+	@scripts/setup.sh --tools --no-build
+	@scripts/test.sh lint
+
+format: ## Rewrite Rust, Python and C++ sources in the project's format
+	@scripts/setup.sh --tools --no-build
+	@scripts/test.sh format
+
+bench: setup ## Run the benches; figures go to the terminal
+	@scripts/bench.sh
+
+clean: ## Remove build products and rendered pictures
+	rm -rf target build out
+
+distclean: clean ## Also remove the virtual environment
+	rm -rf .venv

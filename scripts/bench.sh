@@ -1,0 +1,5 @@
+#!/usr/bin/env bash
+# Runs every bench of the workspace. Each checks its results before it prints a time.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+cargo bench --workspace --locked "$@"
