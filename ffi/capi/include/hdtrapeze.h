@@ -1,221 +1,898 @@
+/*
+ * hdTrapeze, C ABI. Generated from ffi/capi/src; do not edit.
+ *
+ * Results. Functions that can fail return TRZ_OK or an error code, and trz_last_error tells what
+ * went wrong. Outputs are written only on success, unless a function says otherwise.
+ *
+ * Pointers. NULL is an error where nothing else is said. A length of 0 ignores its pointer. All
+ * input is copied before a call returns; nothing keeps a caller's pointer but trz_session_set_log.
+ * Strings are UTF-8 and end with a NUL. Pointers that are not NULL must be valid and aligned.
+ *
+ * Structs. Where a struct begins with struct_size, the caller sets it to sizeof the struct before
+ * any call, also where the library fills it. A smaller size is an older version and is accepted
+ * down to the first; a larger size is a newer one and is accepted where the fields that the library
+ * does not know are zero bytes (TRZ_ERROR_UNSUPPORTED otherwise). 0 is refused.
+ *
+ * Numbers. Times are time codes relative to the frame. Matrices are USD's: 16 doubles, row-major,
+ * row vectors. Enum-like fields are uint32_t and take the constants of the group that they name;
+ * flags are 0 or 1.
+ *
+ * Edits (trz_mesh_*, trz_grids_*, trz_camera_*, trz_prim_*, trz_session_set_*) are queued from any
+ * thread and take effect together, in their order, at the next trz_session_commit or
+ * trz_render_start.
+ *
+ * A defect of the library is TRZ_ERROR_INTERNAL and poisons the session: later calls return
+ * TRZ_ERROR_POISONED, trz_session_destroy still works.
+ */
+
 #ifndef HDTRAPEZE_H
 #define HDTRAPEZE_H
+
 #include <stddef.h>
 #include <stdint.h>
-#ifdef __cplusplus
-extern "C" {
-#endif
 
-typedef struct trz_session trz_session;
-typedef uint64_t trz_id; /* a prim or camera of one session; 0 is none; never reused */
-typedef int32_t trz_result; /* TRZ_OK or one of TRZ_ERROR_*; codes are never reused */
+// Version of this ABI: grows when functions or fields are added; what is there never changes.
+#define TRZ_ABI_VERSION 1
+
+// Success.
 #define TRZ_OK 0
+
+// A pointer that must not be null is null.
 #define TRZ_ERROR_NULL_POINTER 1
+
+// An argument is out of range, not UTF-8, of an unknown kind, or contradicts another.
 #define TRZ_ERROR_INVALID_ARGUMENT 2
+
+// No prim, AOV, committed scene or render of that name or number.
 #define TRZ_ERROR_NOT_FOUND 3
+
+// Well formed, but this build or version cannot do it.
 #define TRZ_ERROR_UNSUPPORTED 4
+
+// Memory was refused; the session is unharmed.
 #define TRZ_ERROR_OUT_OF_MEMORY 5
+
+// A file could not be written; what was there before is untouched.
 #define TRZ_ERROR_IO 6
+
+// Cancelled before it was done.
 #define TRZ_ERROR_CANCELLED 7
+
+// An earlier call failed with TRZ_ERROR_INTERNAL; the session can only be destroyed.
 #define TRZ_ERROR_POISONED 8
+
+// Would wait for itself: called from the session's own log callback.
 #define TRZ_ERROR_BUSY 9
+
+// The buffer given is too small.
 #define TRZ_ERROR_BUFFER_TOO_SMALL 10
+
+// A defect of the library; it poisons the session.
 #define TRZ_ERROR_INTERNAL 11
 
-/* enums travel as uint32_t */
-enum { TRZ_SCHEME_CATMULL_CLARK = 0, TRZ_SCHEME_LOOP = 1, TRZ_SCHEME_BILINEAR = 2, TRZ_SCHEME_NONE = 3 };
-enum { TRZ_BOUNDARY_NONE = 0, TRZ_BOUNDARY_EDGE_ONLY = 1, TRZ_BOUNDARY_EDGE_AND_CORNER = 2 };
-enum { TRZ_FVAR_NONE = 0, TRZ_FVAR_CORNERS_ONLY = 1, TRZ_FVAR_CORNERS_PLUS1 = 2, TRZ_FVAR_CORNERS_PLUS2 = 3, TRZ_FVAR_BOUNDARIES = 4, TRZ_FVAR_ALL = 5 };
-enum { TRZ_TRIANGLES_CATMULL_CLARK = 0, TRZ_TRIANGLES_SMOOTH = 1 };
-enum { TRZ_ORIENTATION_RIGHT_HANDED = 0, TRZ_ORIENTATION_LEFT_HANDED = 1 };
-enum { TRZ_INTERPOLATION_CONSTANT = 0, TRZ_INTERPOLATION_UNIFORM = 1, TRZ_INTERPOLATION_VARYING = 2, TRZ_INTERPOLATION_VERTEX = 3, TRZ_INTERPOLATION_FACE_VARYING = 4 };
-enum { TRZ_PROJECTION_PERSPECTIVE = 0, TRZ_PROJECTION_ORTHOGRAPHIC = 1 };
-enum { TRZ_FILTER_BOX = 0, TRZ_FILTER_GAUSSIAN = 1, TRZ_FILTER_MITCHELL = 2, TRZ_FILTER_BLACKMAN_HARRIS = 3 };
-enum { TRZ_WINDOW_MATCH_HORIZONTALLY = 0, TRZ_WINDOW_MATCH_VERTICALLY = 1, TRZ_WINDOW_FIT = 2, TRZ_WINDOW_CROP = 3, TRZ_WINDOW_DONT_CONFORM = 4 };
-enum { TRZ_BACKEND_AUTO = 0, TRZ_BACKEND_CPU = 1, TRZ_BACKEND_GPU = 2 };
-enum { TRZ_LOG_ERROR = 0, TRZ_LOG_WARN = 1, TRZ_LOG_INFO = 2, TRZ_LOG_DEBUG = 3 };
-enum { TRZ_FORMAT_FLOAT32 = 0, TRZ_FORMAT_INT32 = 1 };
-enum { TRZ_IMAGE_EXR = 0, TRZ_IMAGE_PNG = 1 };
-enum { TRZ_PIXEL_HALF = 0, TRZ_PIXEL_FLOAT = 1 };
-enum { TRZ_COMPRESSION_NONE = 0, TRZ_COMPRESSION_RLE = 1, TRZ_COMPRESSION_ZIPS = 2, TRZ_COMPRESSION_ZIP = 3, TRZ_COMPRESSION_PIZ = 4 };
-enum { TRZ_COLOR_LINEAR = 0, TRZ_COLOR_SRGB = 1 };
+// subdivisionScheme catmullClark.
+#define TRZ_SCHEME_CATMULL_CLARK 0
 
-/* Every struct begins with its own size, for versioning. */
-typedef struct trz_transform_samples { /* one level of the hierarchy */
-  const double *times;    /* count; time codes relative to the frame */
-  const double *matrices; /* count * 16; USD layout: row-major, row vectors, local to parent */
-  size_t count;
-} trz_transform_samples;
+// subdivisionScheme loop; triangles only.
+#define TRZ_SCHEME_LOOP 1
 
+// subdivisionScheme bilinear.
+#define TRZ_SCHEME_BILINEAR 2
+
+// subdivisionScheme none: polygons.
+#define TRZ_SCHEME_NONE 3
+
+// interpolateBoundary none.
+#define TRZ_BOUNDARY_NONE 0
+
+// interpolateBoundary edgeOnly.
+#define TRZ_BOUNDARY_EDGE_ONLY 1
+
+// interpolateBoundary edgeAndCorner (USD's default).
+#define TRZ_BOUNDARY_EDGE_AND_CORNER 2
+
+// faceVaryingLinearInterpolation none.
+#define TRZ_FVAR_NONE 0
+
+// faceVaryingLinearInterpolation cornersOnly.
+#define TRZ_FVAR_CORNERS_ONLY 1
+
+// faceVaryingLinearInterpolation cornersPlus1 (USD's default).
+#define TRZ_FVAR_CORNERS_PLUS1 2
+
+// faceVaryingLinearInterpolation cornersPlus2.
+#define TRZ_FVAR_CORNERS_PLUS2 3
+
+// faceVaryingLinearInterpolation boundaries.
+#define TRZ_FVAR_BOUNDARIES 4
+
+// faceVaryingLinearInterpolation all.
+#define TRZ_FVAR_ALL 5
+
+// triangleSubdivisionRule catmullClark (USD's default).
+#define TRZ_TRIANGLES_CATMULL_CLARK 0
+
+// triangleSubdivisionRule smooth.
+#define TRZ_TRIANGLES_SMOOTH 1
+
+// orientation rightHanded (USD's default).
+#define TRZ_ORIENTATION_RIGHT_HANDED 0
+
+// orientation leftHanded.
+#define TRZ_ORIENTATION_LEFT_HANDED 1
+
+// One value for the prim.
+#define TRZ_INTERPOLATION_CONSTANT 0
+
+// One value a face.
+#define TRZ_INTERPOLATION_UNIFORM 1
+
+// One value a point, linear over faces.
+#define TRZ_INTERPOLATION_VARYING 2
+
+// One value a point, smoothed with the scheme.
+#define TRZ_INTERPOLATION_VERTEX 3
+
+// One value a face-vertex.
+#define TRZ_INTERPOLATION_FACE_VARYING 4
+
+// Perspective camera.
+#define TRZ_PROJECTION_PERSPECTIVE 0
+
+// Orthographic camera; apertures are the size of the view.
+#define TRZ_PROJECTION_ORTHOGRAPHIC 1
+
+// Box filter, 1 pixel wide unless a width is given.
+#define TRZ_FILTER_BOX 0
+
+// Gaussian filter, 2 pixels wide.
+#define TRZ_FILTER_GAUSSIAN 1
+
+// Mitchell-Netravali filter, 4 pixels wide.
+#define TRZ_FILTER_MITCHELL 2
+
+// Blackman-Harris filter, 3 pixels wide.
+#define TRZ_FILTER_BLACKMAN_HARRIS 3
+
+// Keep the camera's width, change its height (usdrecord's).
+#define TRZ_WINDOW_MATCH_HORIZONTALLY 0
+
+// Keep the camera's height, change its width.
+#define TRZ_WINDOW_MATCH_VERTICALLY 1
+
+// Show all of the camera's view, and more.
+#define TRZ_WINDOW_FIT 2
+
+// Fill the image with part of the camera's view.
+#define TRZ_WINDOW_CROP 3
+
+// Stretch.
+#define TRZ_WINDOW_DONT_CONFORM 4
+
+// The library picks.
+#define TRZ_BACKEND_AUTO 0
+
+// All on the CPU.
+#define TRZ_BACKEND_CPU 1
+
+// The GPU.
+#define TRZ_BACKEND_GPU 2
+
+// Something failed.
+#define TRZ_LOG_ERROR 0
+
+// Something in the scene was repaired, dropped or coarsened.
+#define TRZ_LOG_WARN 1
+
+// What a user wants to read.
+#define TRZ_LOG_INFO 2
+
+// What a developer wants to read.
+#define TRZ_LOG_DEBUG 3
+
+// 32-bit float components.
+#define TRZ_FORMAT_FLOAT32 0
+
+// 32-bit signed integer components.
+#define TRZ_FORMAT_INT32 1
+
+// OpenEXR, one layer an AOV.
+#define TRZ_IMAGE_EXR 0
+
+// PNG, 8 bits a channel, one AOV.
+#define TRZ_IMAGE_PNG 1
+
+// 16-bit floats.
+#define TRZ_PIXEL_HALF 0
+
+// 32-bit floats.
+#define TRZ_PIXEL_FLOAT 1
+
+// Uncompressed EXR.
+#define TRZ_COMPRESSION_NONE 0
+
+// Run lengths.
+#define TRZ_COMPRESSION_RLE 1
+
+// Zip, one scan line a block.
+#define TRZ_COMPRESSION_ZIPS 2
+
+// Zip, 16 scan lines a block.
+#define TRZ_COMPRESSION_ZIP 3
+
+// Wavelet.
+#define TRZ_COMPRESSION_PIZ 4
+
+// Linear values as rendered.
+#define TRZ_COLOR_LINEAR 0
+
+// Encoded with sRGB's transfer function.
+#define TRZ_COLOR_SRGB 1
+
+// Nothing was rendered yet.
+#define TRZ_STATE_IDLE 0
+
+// Edits are applied, surfaces diced, the BVH built.
+#define TRZ_STATE_PREPARING 1
+
+// Rays are traced.
+#define TRZ_STATE_RENDERING 2
+
+// Every sample was taken.
+#define TRZ_STATE_FINISHED 3
+
+// Stopped early; what was rendered is kept.
+#define TRZ_STATE_CANCELLED 4
+
+// Failed; trz_render_wait tells why.
+#define TRZ_STATE_FAILED 5
+
+// A session: scene, renderer and images. Made by trz_session_create.
+typedef struct trz_session trz_session;
+
+// TRZ_OK or one of TRZ_ERROR_*; codes are never reused.
+typedef int32_t trz_result;
+
+// Receives messages. prim_path and code are empty where a message is not about a prim; no pointer
+// is null or outlives the call. Called from any thread, one call at a time for a session. Must not
+// throw, and must not call the session: calls that would wait for themselves return
+// TRZ_ERROR_BUSY.
+typedef void (*trz_log_fn)(void *user,
+                           uint32_t level,
+                           const char *prim_path,
+                           const char *code,
+                           const char *text);
+
+// A prim or camera of one session; 0 is none; never reused.
+typedef uint64_t trz_id;
+
+// Topology and subdivision options of a mesh, as authored. Contradictions between counts and
+// indices are found at commit, repaired or dropped with a warning.
 typedef struct trz_topology {
+  // sizeof(trz_topology).
   uint32_t struct_size;
-  uint32_t scheme, boundary, face_varying, triangles, orientation;
-  const int32_t *face_vertex_counts; size_t face_count;
-  const int32_t *face_vertex_indices; size_t index_count;
-  const int32_t *holes; size_t hole_count;
-  const int32_t *crease_indices; size_t crease_index_count;
-  const int32_t *crease_lengths; size_t crease_count;
-  const float *crease_sharpnesses; size_t crease_sharpness_count; /* one a crease, or one an edge */
-  const int32_t *corner_indices; size_t corner_count;
-  const float *corner_sharpnesses; size_t corner_sharpness_count;
+  // TRZ_SCHEME_*.
+  uint32_t scheme;
+  // TRZ_BOUNDARY_*.
+  uint32_t boundary;
+  // TRZ_FVAR_*.
+  uint32_t face_varying;
+  // TRZ_TRIANGLES_*.
+  uint32_t triangles;
+  // TRZ_ORIENTATION_*.
+  uint32_t orientation;
+  // Vertices of each face.
+  const int32_t *face_vertex_counts;
+  // Number of faces.
+  size_t face_count;
+  // Points of the faces, concatenated.
+  const int32_t *face_vertex_indices;
+  // Number of face-vertices.
+  size_t index_count;
+  // Faces that are holes.
+  const int32_t *holes;
+  // Number of holes.
+  size_t hole_count;
+  // Points of the creases, concatenated.
+  const int32_t *crease_indices;
+  // Length of crease_indices.
+  size_t crease_index_count;
+  // Points of each crease.
+  const int32_t *crease_lengths;
+  // Number of creases.
+  size_t crease_count;
+  // One a crease, or one an edge.
+  const float *crease_sharpnesses;
+  // Length of crease_sharpnesses.
+  size_t crease_sharpness_count;
+  // Sharp points.
+  const int32_t *corner_indices;
+  // Number of sharp points.
+  size_t corner_count;
+  // One a sharp point.
+  const float *corner_sharpnesses;
+  // Length of corner_sharpnesses.
+  size_t corner_sharpness_count;
 } trz_topology;
 
+// Point samples of a mesh, object space.
 typedef struct trz_points {
+  // sizeof(trz_points).
   uint32_t struct_size;
-  const double *times; size_t sample_count;
-  const float *const *points;  /* sample_count arrays of 3 * counts[i] floats */
-  const size_t *counts;        /* points of each sample */
+  // sample_count times, in time codes relative to the frame, in any order.
+  const double *times;
+  // Number of samples.
+  size_t sample_count;
+  // sample_count arrays of 3 * counts[i] floats.
+  const float *const *points;
+  // Points of each sample.
+  const size_t *counts;
 } trz_points;
 
-typedef struct trz_primvar {
+// Grids that are already diced, object space.
+typedef struct trz_grids {
+  // sizeof(trz_grids).
   uint32_t struct_size;
-  uint32_t interpolation;
-  uint32_t width;               /* floats a value, 1 to 16 */
-  const float *values; size_t value_count;
-  const int32_t *indices; size_t index_count; /* 0: not indexed */
-} trz_primvar;
-
-typedef struct trz_instances {
-  uint32_t struct_size;
-  const double *times; size_t sample_count;
-  const double *matrices;  /* [sample][instance][16], USD layout; world = prim transform, then this */
-  size_t instance_count;
-  const int32_t *ids;      /* instance_count, or NULL for 0, 1, 2... */
-} trz_instances;
-
-typedef struct trz_grids { /* already diced */
-  uint32_t struct_size;
-  const double *times; size_t key_count;
-  const uint16_t *rates;    /* grid_count * 2: nu, nv; 1 to 16 */
-  const uint32_t *elements; /* grid_count, or NULL for the grid's number */
+  // key_count times, in time codes relative to the frame.
+  const double *times;
+  // Number of position keys.
+  size_t key_count;
+  // grid_count * 2: nu, nv; 1 to 16.
+  const uint16_t *rates;
+  // elementId of each grid, or NULL for the grid's number.
+  const uint32_t *elements;
+  // Number of grids.
   size_t grid_count;
-  const float *positions;   /* for each grid, each key, (nv+1) rows of (nu+1) xyz */
-  size_t position_count;    /* vertices over all grids and keys */
+  // For each grid, each key, (nv+1) rows of (nu+1) xyz.
+  const float *positions;
+  // Vertices over all grids and keys (3 floats each).
+  size_t position_count;
 } trz_grids;
 
-typedef struct trz_camera { /* all lengths in scene units */
+// A thin-lens camera that looks down its local -z with +y up. All lengths are scene units
+// (UsdGeomCamera's apertures and focal length are tenths: multiply by 0.1).
+typedef struct trz_camera {
+  // sizeof(trz_camera).
   uint32_t struct_size;
+  // TRZ_PROJECTION_*.
   uint32_t projection;
-  double horizontal_aperture, vertical_aperture;
-  double horizontal_aperture_offset, vertical_aperture_offset;
-  double focal_length, focus_distance, f_stop;
-  double clipping_near, clipping_far;
-  double shutter_open, shutter_close;
+  // Width of the film back.
+  double horizontal_aperture;
+  // Height of the film back.
+  double vertical_aperture;
+  // Offset of the film back to the right.
+  double horizontal_aperture_offset;
+  // Offset of the film back upwards.
+  double vertical_aperture_offset;
+  // Focal length.
+  double focal_length;
+  // Distance from the lens to the plane in focus.
+  double focus_distance;
+  // f-number; 0 is a pinhole. Lens radius = focal_length / (2 f_stop).
+  double f_stop;
+  // Nearest visible depth.
+  double clipping_near;
+  // Farthest visible depth.
+  double clipping_far;
+  // Shutter open, time codes relative to the frame.
+  double shutter_open;
+  // Shutter close, time codes relative to the frame.
+  double shutter_close;
+  // Linear factor on radiance (2^EV); 1 for none.
   double exposure_scale;
 } trz_camera;
 
-typedef struct trz_settings {
+// Matrix samples of one level of the hierarchy.
+typedef struct trz_transform_samples {
+  // count times, in time codes relative to the frame, in any order.
+  const double *times;
+  // count * 16; USD layout: row-major, row vectors; local to parent.
+  const double *matrices;
+  // Number of samples.
+  size_t count;
+} trz_transform_samples;
+
+// A primvar, one sample.
+typedef struct trz_primvar {
+  // sizeof(trz_primvar).
   uint32_t struct_size;
-  uint32_t width, height;
-  uint32_t crop[4];          /* x0 y0 x1 y1, half open, y down; all 0 for the whole image */
+  // TRZ_INTERPOLATION_*.
+  uint32_t interpolation;
+  // Floats a value, 1 to 16.
+  uint32_t width;
+  // value_count * width floats.
+  const float *values;
+  // Number of values.
+  size_t value_count;
+  // Indices into the values.
+  const int32_t *indices;
+  // Number of indices; 0: not indexed.
+  size_t index_count;
+} trz_primvar;
+
+// Instances of a prim.
+typedef struct trz_instances {
+  // sizeof(trz_instances).
+  uint32_t struct_size;
+  // sample_count times, in time codes relative to the frame, in any order.
+  const double *times;
+  // Number of samples.
+  size_t sample_count;
+  // [sample][instance][16], USD layout; world = prim transform, then this.
+  const double *matrices;
+  // Number of instances; 0: the prim does not appear.
+  size_t instance_count;
+  // instanceId of each, or NULL for 0, 1, 2...
+  const int32_t *ids;
+} trz_instances;
+
+// Settings of a render.
+typedef struct trz_settings {
+  // sizeof(trz_settings).
+  uint32_t struct_size;
+  // Image width, 1 to 65536 pixels.
+  uint32_t width;
+  // Image height, 1 to 65536 pixels.
+  uint32_t height;
+  // x0 y0 x1 y1 in pixels, half open, y down, inside the image; all 0 for the whole image.
+  uint32_t crop[4];
+  // Pixel width over height.
   float pixel_aspect;
+  // TRZ_WINDOW_*.
   uint32_t window_policy;
+  // Samples a pixel, 1 to 1048576.
   uint32_t samples;
+  // Micropolygon edge in pixels, above 0.
   float shading_rate;
+  // TRZ_FILTER_*.
   uint32_t filter;
-  float filter_width;        /* 0: the filter's own */
+  // Filter diameter in pixels, up to 64; 0: the filter's own.
+  float filter_width;
+  // Seed of all sample patterns.
   uint32_t seed;
-  uint32_t threads;          /* 0: all cores */
-  uint32_t override_shutter; /* 1: shutter_* in place of the camera's */
-  double shutter_open, shutter_close;
-  uint32_t disable_motion_blur, disable_defocus;
+  // Threads, up to 4096; 0: all cores.
+  uint32_t threads;
+  // 1: shutter_open and shutter_close below in place of the camera's.
+  uint32_t override_shutter;
+  // Time codes relative to the frame.
+  double shutter_open;
+  // Time codes relative to the frame, not before shutter_open.
+  double shutter_close;
+  // 1: everything stands still at shutter open.
+  uint32_t disable_motion_blur;
+  // 1: the lens is a pinhole.
+  uint32_t disable_defocus;
+  // 1: a light at the camera where the scene has none.
   uint32_t camera_light;
-  float time_window[2];      /* part of the shutter that is sampled; 0, 1 for all */
-  uint32_t fix_lens;         /* 1: every sample goes through lens_point (unit disk) */
+  // Part of the shutter that is sampled, in [0, 1]; 0, 1 for all. Dicing still sees all of it.
+  float time_window[2];
+  // 1: every sample goes through lens_point.
+  uint32_t fix_lens;
+  // A point of the unit disk.
   float lens_point[2];
+  // Most micropolygons that dicing may make; beyond it rates are coarsened with a warning. 0:
+  // the default.
   uint64_t max_micropolygons;
+  // TRZ_BACKEND_*.
   uint32_t backend;
 } trz_settings;
 
+// How far a render is.
 typedef struct trz_progress {
+  // sizeof(trz_progress).
   uint32_t struct_size;
-  uint32_t state;            /* 0 idle, 1 preparing, 2 rendering, 3 finished, 4 cancelled, 5 failed */
-  double fraction;           /* of the samples */
-  uint32_t samples_done;     /* samples a pixel that every pixel has */
+  // TRZ_STATE_*.
+  uint32_t state;
+  // Of the samples, 0 to 1.
+  double fraction;
+  // Samples a pixel that every pixel has.
+  uint32_t samples_done;
+  // Samples a pixel that were asked for.
   uint32_t samples_total;
-  double seconds;            /* since the start */
-  double seconds_left;       /* estimate; negative while unknown */
+  // Seconds since the start (of the commit or render), up to its end.
+  double seconds;
+  // Estimate; negative while unknown.
+  double seconds_left;
 } trz_progress;
 
+// What the last commit and the last render did.
 typedef struct trz_statistics {
+  // sizeof(trz_statistics).
   uint32_t struct_size;
-  uint64_t prims, instances, objects, grids, micropolygons, limit_evaluations;
-  uint64_t geometry_bytes, bvh_bytes, bvh_nodes, film_bytes, peak_bytes;
-  double translate_seconds, dice_seconds, build_seconds, trace_seconds, total_seconds;
-  uint64_t rays, node_tests, cell_tests;
-  uint64_t objects_diced, objects_reused; /* by the last commit */
+  // Geometry prims.
+  uint64_t prims;
+  // Instances in the world.
+  uint64_t instances;
+  // Diced objects that instances share.
+  uint64_t objects;
+  // Grids.
+  uint64_t grids;
+  // Micropolygons, shared ones counted once.
+  uint64_t micropolygons;
+  // Limit surface evaluations.
+  uint64_t limit_evaluations;
+  // Bytes of diced geometry.
+  uint64_t geometry_bytes;
+  // Bytes of the BVH.
+  uint64_t bvh_bytes;
+  // Nodes of the BVH.
+  uint64_t bvh_nodes;
+  // Bytes of the film.
+  uint64_t film_bytes;
+  // Largest resident size of the process so far, bytes; 0 where the system does not tell.
+  uint64_t peak_bytes;
+  // Seconds spent on translating the scene.
+  double translate_seconds;
+  // Seconds spent on splitting and dicing.
+  double dice_seconds;
+  // Seconds spent on building the BVH.
+  double build_seconds;
+  // Seconds spent on tracing, shading and filtering.
+  double trace_seconds;
+  // Seconds of the commit and the render.
+  double total_seconds;
+  // Rays traced.
+  uint64_t rays;
+  // Nodes opened; one is a test of up to 8 children.
+  uint64_t node_tests;
+  // Micropolygons tested.
+  uint64_t cell_tests;
+  // Objects that the last commit diced.
+  uint64_t objects_diced;
+  // Objects that the last commit kept from before.
+  uint64_t objects_reused;
 } trz_statistics;
 
+// Size and type of an AOV.
 typedef struct trz_aov_desc {
+  // sizeof(trz_aov_desc).
   uint32_t struct_size;
-  uint32_t width, height, components, format;
+  // Pixels.
+  uint32_t width;
+  // Pixels.
+  uint32_t height;
+  // Components a pixel; each takes 4 bytes.
+  uint32_t components;
+  // TRZ_FORMAT_*.
+  uint32_t format;
 } trz_aov_desc;
 
+// How an image file is written.
 typedef struct trz_image {
+  // sizeof(trz_image).
   uint32_t struct_size;
-  uint32_t type;             /* TRZ_IMAGE_* */
-  uint32_t pixel_type;       /* EXR; ids and depth are always 32 bits */
-  uint32_t compression;      /* EXR */
-  uint32_t color;            /* TRZ_COLOR_*: what color is encoded to */
-  const char *const *aovs; size_t aov_count;           /* none: all that were rendered (PNG: color) */
-  const char *const *metadata; size_t metadata_count;  /* name, value, name, value... */
+  // TRZ_IMAGE_*.
+  uint32_t type;
+  // TRZ_PIXEL_*, EXR only; ids and depths are always 32 bits.
+  uint32_t pixel_type;
+  // TRZ_COMPRESSION_*, EXR only.
+  uint32_t compression;
+  // TRZ_COLOR_*: what the color AOV is encoded to.
+  uint32_t color;
+  // Names of the AOVs to write.
+  const char *const *aovs;
+  // Number of names; 0: all that were rendered (PNG: color).
+  size_t aov_count;
+  // name, value, name, value...
+  const char *const *metadata;
+  // Length of metadata, even.
+  size_t metadata_count;
 } trz_image;
 
-typedef struct trz_ray { float origin[3]; float dir[3]; float time; float t_min; float t_max; } trz_ray; /* world space */
+// A ray at one instant, world space.
+typedef struct trz_ray {
+  // World space.
+  float origin[3];
+  // World space, of any length but 0.
+  float dir[3];
+  // In [0, 1] across the shutter; clamped.
+  float time;
+  // Hits nearer than this are ignored; in units of dir's length.
+  float t_min;
+  // Hits farther than this are ignored; infinity for no limit.
+  float t_max;
+} trz_ray;
+
+// The nearest micropolygon along a ray.
 typedef struct trz_hit {
-  float t;               /* infinity: miss */
-  float u, v;            /* in the micropolygon */
-  float normal[3];       /* geometric, world, unit */
-  int32_t prim_id, instance_id, element_id;  /* -1: miss */
-  uint32_t grid, cell;
+  // Distance in units of the ray's dir; infinity: a miss.
+  float t;
+  // Position in the micropolygon, 0 to 1.
+  float u;
+  // Position in the micropolygon, 0 to 1.
+  float v;
+  // Geometric, world space, unit; zero for a miss.
+  float normal[3];
+  // As set by trz_prim_set_pick_id; -1 for a miss.
+  int32_t prim_id;
+  // -1 for a miss.
+  int32_t instance_id;
+  // Authored face, or element of the grid; -1 for a miss.
+  int32_t element_id;
+  // Grid of the object.
+  uint32_t grid;
+  // Cell of the grid: j * nu + i.
+  uint32_t cell;
 } trz_hit;
 
-typedef void (*trz_log_fn)(void *user, uint32_t level, const char *prim_path, const char *code, const char *text);
+#ifdef __cplusplus
+extern "C" {
+#endif // __cplusplus
 
+// TRZ_ABI_VERSION of the library that is loaded, which may be newer than the header.
+//
+// Errors: none. Threads: any.
 uint32_t trz_abi_version(void);
+
+// Version of the library, "major.minor.patch". Owned by the library, valid for ever.
+//
+// Errors: none. Threads: any.
 const char *trz_version(void);
-const char *trz_result_name(trz_result);
-const char *trz_last_error(void); /* of this thread; "" when none */
 
-trz_result trz_session_create(trz_session **out);
-void trz_session_destroy(trz_session *);
-trz_result trz_session_set_log(trz_session *, trz_log_fn, void *user, uint32_t level);
+// Name of a result code, such as "TRZ_ERROR_NOT_FOUND"; "unknown" for any other number. Owned by
+// the library, valid for ever.
+//
+// Errors: none. Threads: any.
+const char *trz_result_name(trz_result result);
 
-trz_result trz_mesh_create(trz_session *, const char *path, trz_id *out);
-trz_result trz_mesh_set_topology(trz_session *, trz_id, const trz_topology *);
-trz_result trz_mesh_set_points(trz_session *, trz_id, const trz_points *);
-trz_result trz_grids_create(trz_session *, const char *path, trz_id *out);
-trz_result trz_grids_set(trz_session *, trz_id, const trz_grids *);
-trz_result trz_camera_create(trz_session *, const char *path, trz_id *out);
-trz_result trz_camera_default(trz_camera *out);
-trz_result trz_camera_set(trz_session *, trz_id, const trz_camera *);
-trz_result trz_prim_set_transform(trz_session *, trz_id, const trz_transform_samples *levels, size_t level_count); /* own level first */
-trz_result trz_prim_set_primvar(trz_session *, trz_id, const char *name, const trz_primvar *); /* NULL removes */
-trz_result trz_prim_set_instances(trz_session *, trz_id, const trz_instances *); /* NULL: not instanced */
-trz_result trz_prim_set_visible(trz_session *, trz_id, uint32_t visible);
-trz_result trz_prim_set_pick_id(trz_session *, trz_id, int32_t prim_id);
-trz_result trz_prim_remove(trz_session *, trz_id);
-trz_result trz_session_set_active_camera(trz_session *, trz_id);
+// What went wrong in the last call on this thread, one sentence, UTF-8; "" where it succeeded.
+// Owned by the library, valid until the next call on this thread.
+//
+// Errors: none. Threads: any; each has its own message.
+const char *trz_last_error(void);
 
-trz_result trz_settings_default(trz_settings *out);
-trz_result trz_session_set_settings(trz_session *, const trz_settings *);
-trz_result trz_session_set_aovs(trz_session *, const char *const *names, size_t count);
+// Makes an empty session. The caller owns it and gives it back to trz_session_destroy.
+//
+// Errors: TRZ_ERROR_NULL_POINTER. Threads: any; sessions of one process do not mix.
+trz_result trz_session_create(struct trz_session **out);
 
-trz_result trz_session_commit(trz_session *);   /* blocks: applies edits, dices, builds */
-trz_result trz_render_start(trz_session *);     /* commits what is pending, then renders on its own thread */
-trz_result trz_render_wait(trz_session *, double seconds, uint32_t *out_finished); /* seconds < 0: for ever */
-trz_result trz_render_cancel(trz_session *);    /* keeps what was rendered */
-trz_result trz_render_progress(trz_session *, trz_progress *out);
-trz_result trz_statistics_get(trz_session *, trz_statistics *out);
-trz_result trz_explain(trz_session *, char *buffer, size_t capacity, size_t *out_needed);
+// Destroys a session: cancels a running render, waits for its threads, frees everything. NULL is
+// ignored; a poisoned session is destroyed like any other. From inside a log callback nothing is
+// done: the session stays alive.
+//
+// Errors: none. Threads: any, but no other call on the session may be running or follow.
+void trz_session_destroy(struct trz_session *session);
 
-trz_result trz_aov_describe(trz_session *, const char *name, trz_aov_desc *out);
-trz_result trz_aov_read(trz_session *, const char *name, void *buffer, size_t bytes); /* rows top down */
-trz_result trz_image_write(trz_session *, const char *path, const trz_image *);
+// Sets the function that receives messages of up to this level (TRZ_LOG_*); NULL for none. A
+// warning about a prim comes once a session for the same prim, code and text. When this returns,
+// the function set before is not running and will not be called again. log and user must stay
+// valid until then.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT (level), TRZ_ERROR_BUSY (inside a log
+// callback), TRZ_ERROR_POISONED. Threads: any.
+trz_result trz_session_set_log(struct trz_session *session,
+                               trz_log_fn log,
+                               void *user,
+                               uint32_t level);
 
-trz_result trz_trace_rays(trz_session *, const trz_ray *rays, trz_hit *hits, size_t count);
+// Queues a mesh without faces. path (UTF-8) names it in messages; two prims may have one path.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT (path), TRZ_ERROR_POISONED.
+// Threads: any.
+trz_result trz_mesh_create(struct trz_session *session, const char *path, trz_id *out);
+
+// Queues a mesh's topology; everything is copied. Creases or corners whose lists do not fit each
+// other are dropped with a warning.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
+// TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_POISONED. Threads: any.
+trz_result trz_mesh_set_topology(struct trz_session *session,
+                                 trz_id mesh,
+                                 const struct trz_topology *topology);
+
+// Queues a mesh's points; everything is copied. Samples of unequal counts are rendered without
+// motion, with a warning at commit.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
+// TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_POISONED. Threads: any.
+trz_result trz_mesh_set_points(struct trz_session *session,
+                               trz_id mesh,
+                               const struct trz_points *points);
+
+// Queues an empty prim of pre-diced grids. path (UTF-8) names it in messages.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT (path), TRZ_ERROR_POISONED.
+// Threads: any.
+trz_result trz_grids_create(struct trz_session *session, const char *path, trz_id *out);
+
+// Queues the grids of a grids prim, in place of those before; everything is copied. Rates must be
+// 1 to 16, and position_count what rates and keys add up to.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
+// TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_POISONED. Threads: any.
+trz_result trz_grids_set(struct trz_session *session,
+                         trz_id grids_prim,
+                         const struct trz_grids *grids);
+
+// Queues a camera with trz_camera_default's values. path (UTF-8) names it in messages and
+// metadata.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT (path), TRZ_ERROR_POISONED.
+// Threads: any.
+trz_result trz_camera_create(struct trz_session *session, const char *path, trz_id *out);
+
+// Fills out, whose struct_size the caller has set, with UsdGeomCamera's fallbacks in scene units.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT (struct_size). Threads: any.
+trz_result trz_camera_default(struct trz_camera *out);
+
+// Queues a camera's lens, film back and shutter.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
+// TRZ_ERROR_POISONED. Threads: any.
+trz_result trz_camera_set(struct trz_session *session,
+                          trz_id camera,
+                          const struct trz_camera *desc);
+
+// Queues the transform of a prim or camera: level_count levels, its own first, then its parent's,
+// up to the root; none is the identity. Everything is copied.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT (a level without samples),
+// TRZ_ERROR_NOT_FOUND, TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_POISONED. Threads: any.
+trz_result trz_prim_set_transform(struct trz_session *session,
+                                  trz_id prim,
+                                  const struct trz_transform_samples *levels,
+                                  size_t level_count);
+
+// Queues a primvar under its USD name (displayColor, displayOpacity, normals...), in place of the
+// one before; NULL removes it. Everything is copied.
+//
+// Errors: TRZ_ERROR_NULL_POINTER (name), TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
+// TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_POISONED. Threads: any.
+trz_result trz_prim_set_primvar(struct trz_session *session,
+                                trz_id prim,
+                                const char *name,
+                                const struct trz_primvar *primvar);
+
+// Queues the instances of a prim; NULL: not instanced, the prim appears once. Everything is
+// copied.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
+// TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_POISONED. Threads: any.
+trz_result trz_prim_set_instances(struct trz_session *session,
+                                  trz_id prim,
+                                  const struct trz_instances *instances);
+
+// Queues whether a prim is seen by the camera: 1 (as created) or 0.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
+// TRZ_ERROR_POISONED. Threads: any.
+trz_result trz_prim_set_visible(struct trz_session *session, trz_id prim, uint32_t visible);
+
+// Queues the number that the primId AOV and ray hits show for a prim; 0 as created.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
+// TRZ_ERROR_POISONED. Threads: any.
+trz_result trz_prim_set_pick_id(struct trz_session *session, trz_id prim, int32_t prim_id);
+
+// Queues the removal of a prim or camera. Its id is not found any more from now on.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_NOT_FOUND, TRZ_ERROR_POISONED. Threads: any.
+trz_result trz_prim_remove(struct trz_session *session, trz_id prim);
+
+// Queues which camera to render through; 0 for none.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT (not a camera), TRZ_ERROR_NOT_FOUND,
+// TRZ_ERROR_POISONED. Threads: any.
+trz_result trz_session_set_active_camera(struct trz_session *session, trz_id camera);
+
+// Fills out, whose struct_size the caller has set, with the defaults of a new session.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT (struct_size). Threads: any.
+trz_result trz_settings_default(struct trz_settings *out);
+
+// Queues render settings. Every field is checked here.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_UNSUPPORTED (backend),
+// TRZ_ERROR_POISONED. Threads: any.
+trz_result trz_session_set_settings(struct trz_session *session,
+                                    const struct trz_settings *settings);
+
+// Queues the AOVs to render, by name (UTF-8), copied; color as created. A name that the renderer
+// does not know gives a warning at commit.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_POISONED. Threads: any.
+trz_result trz_session_set_aovs(struct trz_session *session,
+                                const char *const *names,
+                                size_t count);
+
+// Applies queued edits in the order they were queued, dices and builds; returns when it is done.
+// A running render is stopped first. With nothing queued it does nothing, and a running render
+// goes on. trz_render_cancel from another thread ends it early: edits stay applied, and the next
+// commit builds.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT (no camera to render through, or one
+// that shows nothing), TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_CANCELLED, TRZ_ERROR_BUSY (inside a log
+// callback), TRZ_ERROR_POISONED. Threads: any; commits and starts run one after another.
+trz_result trz_session_commit(struct trz_session *session);
+
+// Commits what is queued (see trz_session_commit), then renders from the first sample on a thread
+// of the session; returns when that has begun. A running render is stopped first.
+//
+// Errors: those of trz_session_commit. Threads: any.
+trz_result trz_render_start(struct trz_session *session);
+
+// Waits until no commit or render is running, or for so many seconds; below 0: for ever.
+// out_finished becomes 1 where none is running any more (trz_render_progress tells how it ended),
+// 0 where time ran out.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT (seconds is NaN),
+// TRZ_ERROR_BUSY (inside a log callback), TRZ_ERROR_POISONED (also where the render failed).
+// Threads: any, also several at once.
+trz_result trz_render_wait(struct trz_session *session, double seconds, uint32_t *out_finished);
+
+// Cancels a running commit or render and waits until it has stopped; what was rendered is kept and
+// can be read. With none running it does nothing.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_BUSY (inside a log callback), TRZ_ERROR_POISONED.
+// Threads: any.
+trz_result trz_render_cancel(struct trz_session *session);
+
+// Fills out, whose struct_size the caller has set. Never waits.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT (struct_size), TRZ_ERROR_POISONED.
+// Threads: any.
+trz_result trz_render_progress(struct trz_session *session, struct trz_progress *out);
+
+// Fills out, whose struct_size the caller has set, with numbers of the last commit and the last
+// render; those of a render come when it ends.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT (struct_size), TRZ_ERROR_POISONED.
+// Threads: any.
+trz_result trz_statistics_get(struct trz_session *session, struct trz_statistics *out);
+
+// Writes a text (UTF-8, with a NUL) into buffer that tells which effects the committed scene calls
+// for and which prim called for each. out_needed becomes the bytes needed, also with
+// TRZ_ERROR_BUFFER_TOO_SMALL; with capacity 0 that is all that is done.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_BUFFER_TOO_SMALL, TRZ_ERROR_NOT_FOUND (nothing was
+// committed), TRZ_ERROR_POISONED. Threads: any.
+trz_result trz_explain(struct trz_session *session,
+                       char *buffer,
+                       size_t capacity,
+                       size_t *out_needed);
+
+// Fills out, whose struct_size the caller has set, with the size and type of an AOV of the last
+// render that was started.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND (no such AOV, or
+// no render yet), TRZ_ERROR_POISONED. Threads: any, also while rendering.
+trz_result trz_aov_describe(struct trz_session *session,
+                            const char *name,
+                            struct trz_aov_desc *out);
+
+// Copies an AOV of the last render that was started, as far as it is: rows from the top down,
+// components of 4 bytes, nothing between them. bytes is buffer's size, at least
+// width * height * components * 4.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND (no such AOV, or
+// no render yet), TRZ_ERROR_BUFFER_TOO_SMALL, TRZ_ERROR_POISONED. Threads: any, also while
+// rendering.
+trz_result trz_aov_read(struct trz_session *session, const char *name, void *buffer, size_t bytes);
+
+// Writes AOVs of the last render that was started to a file. A file that was there before is
+// replaced only by a whole one. Everything passed is read before this returns and not kept.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND (no such AOV, or
+// no render yet), TRZ_ERROR_UNSUPPORTED, TRZ_ERROR_IO, TRZ_ERROR_POISONED. Threads: any, also
+// while rendering.
+trz_result trz_image_write(struct trz_session *session,
+                           const char *path,
+                           const struct trz_image *image);
+
+// Traces count rays against the committed scene and fills hits[i] with the nearest hit of rays[i].
+// A ray with numbers that are not finite, or without a direction, misses. Queued edits are not
+// seen before they are committed.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND (nothing was
+// committed), TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_POISONED. Threads: any, also while rendering.
+trz_result trz_trace_rays(struct trz_session *session,
+                          const struct trz_ray *rays,
+                          struct trz_hit *hits,
+                          size_t count);
 
 #ifdef __cplusplus
-}
-#endif
-#endif
+}  // extern "C"
+#endif  // __cplusplus
+
+#endif  /* HDTRAPEZE_H */
