@@ -1,0 +1,212 @@
+//! Rust mirrors of the structs in `layout.wgsl`, in the layout of a storage buffer.
+//!
+//! Bytes that WGSL leaves as padding are named `_pad` here, so that the mirrors are plain old data
+//! and can be cast to bytes. Spaces and units are those of the WGSL text.
+
+use bytemuck::{Pod, Zeroable};
+
+/// The WGSL text that declares the structs of this module.
+pub const SOURCE: &str = include_str!("wgsl/layout.wgsl");
+
+/// One micropolygon grid of a diced mesh.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+pub struct GridHeader {
+    /// Number of the grid's first lattice vertex.
+    pub first_vertex: u32,
+    /// Authored face that the grid lies on.
+    pub element: u32,
+    /// Micropolygons along u in the low 16 bits, along v in the high 16; each 1 to 16.
+    pub rates: u32,
+}
+
+/// A ray at one instant, world space relative to the world's origin.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Ray {
+    /// Where `t` is 0.
+    pub origin: [f32; 3],
+    /// Hits nearer than this are ignored; `t` is in units of `dir`'s length.
+    pub t_min: f32,
+    /// Need not be unit length.
+    pub dir: [f32; 3],
+    /// Hits farther than this are ignored; finite on the GPU.
+    pub t_max: f32,
+    /// In [0, 1] across the shutter.
+    pub time: f32,
+    /// To the next multiple of 16 bytes; its content means nothing.
+    pub _pad: [u32; 3],
+}
+
+/// The nearest micropolygon along a ray.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Hit {
+    /// Distance in units of the ray's `dir`; means nothing for a miss.
+    pub t: f32,
+    /// Position inside the cell along u, 0 to 1.
+    pub u: f32,
+    /// Position inside the cell along v, 0 to 1.
+    pub v: f32,
+    /// Instance in the world; `u32::MAX` for a miss.
+    pub instance: u32,
+    /// Grid of the instance's object.
+    pub grid: u32,
+    /// Cell of the grid.
+    pub cell: u32,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use naga::TypeInner;
+    use naga::proc::Layouter;
+    use std::mem::{align_of, offset_of, size_of};
+
+    /// A struct as one side lays it out.
+    #[derive(Debug, PartialEq)]
+    struct Layout {
+        name: String,
+        size: usize,
+        /// Name, offset and size in bytes.
+        members: Vec<(String, usize, usize)>,
+    }
+
+    fn size_of_member<T, M>(_: fn(&T) -> &M) -> usize {
+        size_of::<M>()
+    }
+
+    macro_rules! rust_layout {
+        ($name:ident { $($member:ident),* }) => {{
+            // Exhaustive on purpose: a new field that the list lacks does not compile.
+            #[allow(clippy::no_effect_underscore_binding, reason = "only its pattern matters")]
+            fn _exhaustive($name { $($member: _),* }: $name) {}
+            Layout {
+                name: stringify!($name).to_owned(),
+                size: size_of::<$name>(),
+                members: vec![$((
+                    stringify!($member).to_owned(),
+                    offset_of!($name, $member),
+                    size_of_member(|s: &$name| &s.$member),
+                )),*],
+            }
+        }};
+    }
+
+    fn rust_layouts() -> Vec<Layout> {
+        vec![
+            rust_layout!(GridHeader {
+                first_vertex,
+                element,
+                rates
+            }),
+            rust_layout!(Ray {
+                origin,
+                t_min,
+                dir,
+                t_max,
+                time,
+                _pad
+            }),
+            rust_layout!(Hit {
+                t,
+                u,
+                v,
+                instance,
+                grid,
+                cell
+            }),
+        ]
+    }
+
+    /// The structs of a WGSL text, in its order.
+    fn wgsl_layouts(source: &str) -> Vec<Layout> {
+        let module = naga::front::wgsl::parse_str(source).expect("layout.wgsl parses");
+        let mut layouter = Layouter::default();
+        layouter
+            .update(module.to_ctx())
+            .expect("layout.wgsl has sizes");
+        let mut found = Vec::new();
+        for (handle, ty) in module.types.iter() {
+            let TypeInner::Struct { members, .. } = &ty.inner else {
+                continue;
+            };
+            let members = members
+                .iter()
+                .map(|m| {
+                    let size = layouter[m.ty].size as usize;
+                    (m.name.clone().unwrap_or_default(), m.offset as usize, size)
+                })
+                .collect();
+            let name = ty.name.clone().unwrap_or_default();
+            found.push(Layout {
+                name,
+                size: layouter[handle].to_stride() as usize,
+                members,
+            });
+        }
+        found
+    }
+
+    /// What differs between the two sides; padding needs no partner.
+    fn differences(source: &str) -> Vec<String> {
+        let rust = rust_layouts();
+        let wgsl = wgsl_layouts(source);
+        let mut found = Vec::new();
+        for Layout {
+            name,
+            size,
+            members,
+        } in &wgsl
+        {
+            let Some(mirror) = rust.iter().find(|l| l.name == *name) else {
+                found.push(format!("{name} has no Rust mirror"));
+                continue;
+            };
+            if mirror.size != *size {
+                found.push(format!(
+                    "{name}: {size} bytes in WGSL, {} in Rust",
+                    mirror.size
+                ));
+            }
+            let named = |(name, _, _): &&(String, usize, usize)| !name.starts_with("_pad");
+            let mirror: Vec<_> = mirror.members.iter().filter(named).collect();
+            let members: Vec<_> = members.iter().filter(named).collect();
+            if mirror != members {
+                found.push(format!("{name}: {members:?} in WGSL, {mirror:?} in Rust"));
+            }
+        }
+        for mirror in rust {
+            if !wgsl.iter().any(|l| l.name == mirror.name) {
+                found.push(format!("{} is not in the WGSL", mirror.name));
+            }
+        }
+        found
+    }
+
+    #[test]
+    fn mirrors_have_the_bytes_of_the_wgsl_structs() {
+        assert_eq!(differences(SOURCE), Vec::<String>::new());
+        assert_eq!(
+            align_of::<Ray>(),
+            4,
+            "buffers are cast from plain byte vectors"
+        );
+    }
+
+    #[test]
+    fn a_changed_layout_is_noticed() {
+        for (from, to) in [
+            ("time: f32", "time: f32, late: f32"),
+            ("t_min: f32,", ""),
+            ("element: u32,", "element: u32, extra: u32,"),
+            ("struct Hit", "struct Strike"),
+            ("grid: u32", "mesh: u32"),
+            ("dir: vec3<f32>", "dir: vec4<f32>"),
+        ] {
+            let changed = SOURCE.replacen(from, to, 1);
+            assert_ne!(changed, SOURCE, "{from} is in the text");
+            assert!(!differences(&changed).is_empty(), "{from} -> {to}");
+        }
+    }
+}
