@@ -16,7 +16,9 @@
 //!
 //! Positions are object space, in the mesh's own units, in f32; times are the position keys' own.
 
+pub mod polygon;
 pub mod topology;
+mod triangulate;
 
 use glam::{Vec2, Vec3};
 
