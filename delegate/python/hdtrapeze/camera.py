@@ -1,0 +1,193 @@
+"""Which camera renders, and what it looks like in scene units.
+
+The choice is usdrecord's: the camera that was asked for, else the render settings' camera, else
+the first prim with the primary camera's name, else a camera that frames the stage's bounds.
+UsdGeomCamera gives apertures and focal length in tenths of scene units, focusDistance in units.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdRender, UsdUtils
+
+from .errors import SceneError, UsageError
+from .log import SceneLog
+from .shutter import Shutter
+from .transforms import Level, TransformReader, static_level
+
+APERTURE_UNIT = 0.1
+"""Scene units of one unit of aperture or focal length."""
+
+
+@dataclass
+class CameraState:
+    """A camera at one frame, in scene units; shutter in time codes relative to the frame."""
+
+    path: str
+    levels: list[Level]
+    projection: str
+    horizontal_aperture: float
+    vertical_aperture: float
+    horizontal_aperture_offset: float
+    vertical_aperture_offset: float
+    focal_length: float
+    focus_distance: float
+    f_stop: float
+    clipping: tuple[float, float]
+    shutter: tuple[float, float]
+    exposure_scale: float
+
+    @property
+    def aspect(self) -> float:
+        """Width over height, 1 where the apertures say nothing useful."""
+        if not (self.vertical_aperture and math.isfinite(self.vertical_aperture)):
+            return 1.0
+        aspect = self.horizontal_aperture / self.vertical_aperture
+        return aspect if math.isfinite(aspect) and aspect > 1e-4 else 1.0
+
+
+def find_camera(
+    stage: Usd.Stage, wanted: str | None, settings: UsdRender.Settings | None, log: SceneLog
+) -> UsdGeom.Camera | None:
+    """The camera to render, or None: frame the bounds. `wanted` is a path or a prim's name."""
+    if wanted:
+        return named_camera(stage, wanted)
+    if settings:
+        targets = settings.GetCameraRel().GetTargets()
+        if len(targets) == 1:
+            camera = UsdGeom.Camera(stage.GetPrimAtPath(targets[0]))
+            if camera:
+                return camera
+            log.warn(settings.GetPath(), "camera", f"its camera {targets[0]} is none; ignored")
+    try:
+        return named_camera(stage, UsdUtils.GetPrimaryCameraName())
+    except SceneError:
+        return None
+
+
+def named_camera(stage: Usd.Stage, wanted: str) -> UsdGeom.Camera:
+    """The camera at a path, or the first one with a name."""
+    if not Sdf.Path.IsValidPathString(wanted):
+        raise UsageError(f"--camera: {wanted!r} is neither the path nor the name of a prim.")
+    path = Sdf.Path(wanted)
+    if path.IsAbsolutePath():
+        prim = stage.GetPrimAtPath(path)
+        if not prim:
+            raise SceneError(f"There is no camera at {wanted}: no such prim.")
+        camera = UsdGeom.Camera(prim)
+        if not camera:
+            kind = prim.GetTypeName() or "prim without a type"
+            raise SceneError(f"There is no camera at {wanted}: it is a {kind}.")
+        return camera
+    for prim in stage.Traverse(Usd.TraverseInstanceProxies()):
+        if prim.GetName() == path.name and prim.IsA(UsdGeom.Camera):
+            return UsdGeom.Camera(prim)
+    raise SceneError(f"No camera of this stage is named {wanted}.")
+
+
+def authored_shutter(camera: UsdGeom.Camera | None, frame: float | None) -> tuple[float, float]:
+    """The camera's shutter:open and shutter:close at the frame; zero without a camera."""
+    if not camera or frame is None:
+        return 0.0, 0.0
+    time = Usd.TimeCode(frame)
+    opens, closes = camera.GetShutterOpenAttr().Get(time), camera.GetShutterCloseAttr().Get(time)
+    return float(opens or 0.0), float(closes or 0.0)
+
+
+def effective_shutter(
+    camera: UsdGeom.Camera | None,
+    frame: float | None,
+    override: tuple[float, float] | None,
+    still: bool,
+    log: SceneLog,
+) -> Shutter:
+    """The shutter to read the stage for; `still` keeps only its opening."""
+    opens, closes = authored_shutter(camera, frame) if override is None else override
+    if not (math.isfinite(opens) and math.isfinite(closes)):
+        log.warn(
+            camera.GetPath() if camera else "", "shutter", "the shutter is not finite; 0 is used"
+        )
+        opens = closes = 0.0
+    if closes < opens:
+        text = f"shutter:close ({closes:g}) is before shutter:open ({opens:g}): no motion blur"
+        log.warn(camera.GetPath() if camera else "", "shutter", text)
+        closes = opens
+    if frame is None:
+        opens = closes = 0.0
+    return Shutter(frame, opens, opens if still else closes)
+
+
+def read_camera(
+    camera: UsdGeom.Camera, shutter: Shutter, transforms: TransformReader
+) -> CameraState:
+    """The camera at the frame."""
+    time = shutter.time
+
+    def number(attribute, factor=1.0):
+        value = attribute.Get(time)
+        return float(value if value is not None else 0.0) * factor
+
+    clipping = camera.GetClippingRangeAttr().Get(time) or (1.0, 1e6)
+    return CameraState(
+        path=str(camera.GetPath()),
+        levels=transforms.levels(camera.GetPrim()),
+        projection=camera.GetProjectionAttr().Get(time) or "perspective",
+        horizontal_aperture=number(camera.GetHorizontalApertureAttr(), APERTURE_UNIT),
+        vertical_aperture=number(camera.GetVerticalApertureAttr(), APERTURE_UNIT),
+        horizontal_aperture_offset=number(camera.GetHorizontalApertureOffsetAttr(), APERTURE_UNIT),
+        vertical_aperture_offset=number(camera.GetVerticalApertureOffsetAttr(), APERTURE_UNIT),
+        focal_length=number(camera.GetFocalLengthAttr(), APERTURE_UNIT),
+        focus_distance=number(camera.GetFocusDistanceAttr()),
+        f_stop=number(camera.GetFStopAttr()),
+        clipping=(float(clipping[0]), float(clipping[1])),
+        shutter=(shutter.open, shutter.close),
+        exposure_scale=float(camera.ComputeLinearExposureScale(time)),
+    )
+
+
+def framing_camera(stage: Usd.Stage, shutter: Shutter, purposes: list[str]) -> CameraState:
+    """A 50 mm camera that sees the whole stage, as usdrecord places it.
+
+    It looks along -z, or along +y where z is up, at the middle of the bounds, from far enough
+    that the half diagonal of their front fits into half the horizontal field of view.
+    """
+    default = Gf.Camera()
+    cache = UsdGeom.BBoxCache(shutter.time, purposes, True)
+    bounds = cache.ComputeWorldBound(stage.GetPseudoRoot())
+    box = bounds.ComputeAlignedRange()
+    center, size = np.zeros(3), np.zeros(3)
+    if not box.IsEmpty():
+        center, size = np.array(bounds.ComputeCentroid()), np.array(box.GetSize())
+    if not (np.isfinite(center).all() and np.isfinite(size).all()):
+        raise SceneError(
+            "The stage's bounds are not finite, so no camera can frame it: add a camera."
+        )
+    z_up = UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z
+    across, along = (size[[0, 2]], size[1]) if z_up else (size[[0, 1]], size[2])
+    half_view = math.radians(default.GetFieldOfView(Gf.Camera.FOVHorizontal) / 2.0)
+    distance = float(np.linalg.norm(across) / 2.0 / math.tan(half_view) + along / 2.0)
+    near, far = default.clippingRange.min, default.clippingRange.max
+    if distance < near:
+        distance += near
+    matrix = np.eye(4)
+    if z_up:
+        matrix[:3, :3] = [[1, 0, 0], [0, 0, 1], [0, -1, 0]]
+        matrix[3, :3] = center + np.array([0.0, -distance, 0.0])
+    else:
+        matrix[3, :3] = center + np.array([0.0, 0.0, distance])
+    return CameraState(
+        path="",
+        levels=[static_level(matrix)],
+        projection="perspective",
+        horizontal_aperture=default.horizontalAperture * APERTURE_UNIT,
+        vertical_aperture=default.verticalAperture * APERTURE_UNIT,
+        horizontal_aperture_offset=0.0,
+        vertical_aperture_offset=0.0,
+        focal_length=default.focalLength * APERTURE_UNIT,
+        focus_distance=default.focusDistance,
+        f_stop=0.0,
+        clipping=(near, far),
+        shutter=(shutter.open, shutter.close),
+        exposure_scale=1.0,
+    )

@@ -1,0 +1,39 @@
+"""The command `hdtrapeze`."""
+
+import os
+import signal
+import sys
+
+from . import errors, native
+from .flags import make_parser
+from .log import set_up_command
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Runs the command and gives its exit code (see flags.EXIT_CODES)."""
+    try:
+        return _run(sys.argv[1:] if arguments is None else arguments)
+    except errors.Interrupted as error:
+        print(f"error: {error}", file=sys.stderr)
+        return error.exit_code
+    except KeyboardInterrupt as interrupt:
+        print("error: Interrupted.", file=sys.stderr)
+        terminated = getattr(interrupt, "terminated", False)
+        return errors.EXIT_TERMINATED if terminated else errors.EXIT_INTERRUPTED
+    except errors.HdTrapezeError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return error.exit_code
+    except BrokenPipeError:  # the reader of stdout has gone
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 128 + signal.SIGPIPE
+
+
+def _run(arguments: list[str]) -> int:
+    wants_version = "--version" in arguments
+    parser = make_parser(native.version() if wants_version else "")
+    args = parser.parse_args(arguments)
+    set_up_command(args.quiet, args.verbose)
+    from .record import record  # usd-core takes half a second to load: not for --help
+
+    record(args)
+    return errors.EXIT_OK

@@ -1,0 +1,184 @@
+"""The flags of `hdtrapeze record`: usdrecord's, and the renderer's own."""
+
+import argparse
+import difflib
+import re
+import sys
+
+from . import errors
+from .options import BACKENDS, FILTERS
+
+COMPLEXITIES = {"low": 1.0, "medium": 0.7, "high": 0.5, "veryhigh": 0.25}
+"""Factor on the shading rate. Subdivision surfaces are limit surfaces at every complexity."""
+
+COMPRESSIONS = ("none", "rle", "zips", "zip", "piz")
+
+EXIT_CODES = f"""exit codes:
+  {errors.EXIT_OK}    every frame was written
+  {errors.EXIT_RENDER}    the scene cannot be rendered as asked, or the renderer failed
+  {errors.EXIT_USAGE}    the command is wrong
+  {errors.EXIT_IO}    a file is missing, cannot be read or cannot be written
+  {errors.EXIT_INTERRUPTED}  interrupted (Ctrl-C); {errors.EXIT_TERMINATED} where terminated. What was
+       rendered is kept beside the output as NAME.partial.exr or .png; the output itself is
+       only ever a complete frame.
+"""
+
+
+class _Parser(argparse.ArgumentParser):
+    """Names the flag that was probably meant."""
+
+    def error(self, message):
+        hints = []
+        for word in re.findall(r"--?[A-Za-z][\w-]*", message):
+            if "unrecognized arguments" not in message:
+                break
+            near = difflib.get_close_matches(word, self._known_flags(), 1, 0.6)
+            if near and near[0] != word:
+                hints.append(f"Did you mean {near[0]}?")
+        self.print_usage(sys.stderr)
+        text = " ".join([message.rstrip("."), *hints]) if hints else message
+        self.exit(errors.EXIT_USAGE, f"error: {text}\nSee `{self.prog} --help`.\n")
+
+    def _known_flags(self) -> list[str]:
+        """Flags of this parser and of its commands."""
+        flags = list(self._option_string_actions)
+        for action in self._actions:
+            if isinstance(action, argparse._SubParsersAction):
+                for command in action.choices.values():
+                    flags += command._option_string_actions
+        return flags
+
+
+def _number(text: str) -> int | float:
+    """An int where it is written as one (pixels), else a float (a fraction)."""
+    try:
+        return int(text)
+    except ValueError:
+        return float(text)
+
+
+def make_parser(version: str) -> argparse.ArgumentParser:
+    """The parser of the whole command line."""
+    parser = _Parser(
+        prog="hdtrapeze",
+        description="Renders USD stages with defocus and motion blur.",
+        allow_abbrev=False,
+    )
+    parser.add_argument("--version", action="version", version=f"hdtrapeze {version}")
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    record = commands.add_parser(
+        "record",
+        help="render a USD file to an EXR or PNG, with usdrecord's flags",
+        description="Renders frames of a USD file to OpenEXR or PNG. Takes usdrecord's flags.",
+        epilog=EXIT_CODES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    add_record_flags(record)
+    return parser
+
+
+def add_record_flags(parser: argparse.ArgumentParser) -> None:
+    """Adds every flag of `record`."""
+    parser.add_argument("usdFilePath", help="the USD file to render")
+    parser.add_argument(
+        "outputImagePath",
+        help="the image to write, .exr or .png; ### (or ###.##) in it is the frame of --frames",
+    )
+    _add_usdrecord_flags(parser.add_argument_group("as usdrecord"))
+    _add_render_flags(parser.add_argument_group("rendering"))
+    _add_output_flags(parser.add_argument_group("output and messages"))
+
+
+def _add_usdrecord_flags(group) -> None:
+    add = group.add_argument
+    add("--mask", metavar="PRIMPATH[,...]", help="only these prims, their children and parents")
+    add(
+        "--purposes",
+        default="proxy",
+        metavar="PURPOSE[,...]",
+        help="purposes rendered besides default: proxy, render, guide (default: proxy)",
+    )
+    add("--sessionLayer", metavar="FILE", help="session layer in place of an empty one")
+    add("--resolver", choices=("root", "inherit"), default="root", help="asset resolver context")
+    add("--camera", "-cam", metavar="CAMERA", help="path or name of the camera")
+    times = group.add_mutually_exclusive_group()
+    times.add_argument("--defaultTime", "-d", action="store_true", help="render the default time")
+    times.add_argument(
+        "--frames",
+        "-f",
+        metavar="FRAMESPEC[,...]",
+        help="frames to render: 12, 1:10, 10:1, 1:10x2, 1:2x0.5 (default: the stage's first)",
+    )
+    add(
+        "--complexity",
+        "-c",
+        choices=tuple(COMPLEXITIES),
+        default="low",
+        help="finer shading rate at high and veryhigh; surfaces are smooth at every one",
+    )
+    add(
+        "--colorCorrectionMode",
+        "-color",
+        choices=("disabled", "sRGB", "openColorIO"),
+        help="encoding of color (default: sRGB for PNG, disabled, that is linear, for EXR)",
+    )
+    add("--renderer", "-r", metavar="NAME", default="Trapeze", help="only Trapeze")
+    add("--imageWidth", "-w", type=int, metavar="PIXELS", help="width (default: 960)")
+    add("--renderPassPrimPath", "-rp", metavar="PATH", help="RenderPass prim to take settings from")
+    add("--renderSettingsPrimPath", "-rs", metavar="PATH", help="RenderSettings prim to use")
+    add("--disableCameraLight", action="store_true", help="no light at the camera")
+    add("--disableDrawMode", action="store_true", help="ignore draw modes of models")
+    add("--disableGpu", action="store_true", help="never use the GPU")
+    add("--enableDomeLightVisibility", action="store_true", help="accepted; lights come later")
+    add("--traceToFile", metavar="FILE", help="write how long each phase took")
+    add("--traceFormat", choices=("chrome", "trace"), default="chrome", help="default: chrome")
+    add("--memstats", action="store_true", help="print the memory that was used")
+    add("--abortOnError", action="store_true", help="stop at the first warning about the scene")
+
+
+def _add_render_flags(group) -> None:
+    add = group.add_argument
+    add("--samples", type=int, default=64, metavar="N", help="samples a pixel (default: 64)")
+    add("--shading-rate", type=float, default=1.0, metavar="PIXELS", help="micropolygon edge (1)")
+    add(
+        "--shutter",
+        type=float,
+        nargs=2,
+        metavar=("OPEN", "CLOSE"),
+        help="in time codes relative to the frame, in place of the camera's",
+    )
+    add("--no-motion-blur", action="store_true", help="everything as at shutter open")
+    add("--no-defocus", action="store_true", help="a pinhole in place of the lens")
+    add("--filter", choices=tuple(FILTERS), default="gaussian", help="pixel filter (gaussian)")
+    add("--filter-width", type=float, default=0.0, metavar="PIXELS", help="default: the filter's")
+    add("--seed", type=int, default=0, metavar="N", help="seed of the sample patterns (0)")
+    add(
+        "--crop",
+        type=_number,
+        nargs=4,
+        metavar=("X0", "Y0", "X1", "Y1"),
+        help="render only this part: whole numbers are pixels, 0.0 to 1.0 fractions; y down",
+    )
+    add("--threads", type=int, default=0, metavar="N", help="default: all cores")
+    add("--backend", choices=tuple(BACKENDS), default="auto", help="default: auto")
+
+
+def _add_output_flags(group) -> None:
+    add = group.add_argument
+    add(
+        "--aov",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="also write this AOV to the EXR (repeatable): depth, cameraDepth, P, normal, Neye, "
+        "primId, instanceId, elementId, and others that --explain lists",
+    )
+    pixels = group.add_mutually_exclusive_group()
+    pixels.add_argument("--half", action="store_true", help="16-bit EXR pixels (default)")
+    pixels.add_argument("--float", action="store_true", help="32-bit EXR pixels")
+    add("--compression", choices=COMPRESSIONS, default="zip", help="of the EXR (zip)")
+    add("--explain", action="store_true", help="print which effects are simulated, and why")
+    loudness = group.add_mutually_exclusive_group()
+    loudness.add_argument("--quiet", "-q", action="store_true", help="only errors")
+    loudness.add_argument("--verbose", "-v", action="store_true", help="statistics and more")

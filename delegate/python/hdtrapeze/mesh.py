@@ -1,0 +1,147 @@
+"""Reads UsdGeomMesh: topology with every subdivision attribute, and points as raw samples.
+
+Nothing is checked here beyond the types: the renderer checks counts and indices, and warns.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from pxr import Usd, UsdGeom
+
+from .log import SceneLog
+from .shutter import Shutter, bracketing_samples
+
+SCHEMES = {
+    "catmullClark": "CATMULL_CLARK",
+    "loop": "LOOP",
+    "bilinear": "BILINEAR",
+    "none": "NONE",
+}
+BOUNDARIES = {"none": "NONE", "edgeOnly": "EDGE_ONLY", "edgeAndCorner": "EDGE_AND_CORNER"}
+FACE_VARYING = {
+    "none": "NONE",
+    "cornersOnly": "CORNERS_ONLY",
+    "cornersPlus1": "CORNERS_PLUS1",
+    "cornersPlus2": "CORNERS_PLUS2",
+    "boundaries": "BOUNDARIES",
+    "all": "ALL",
+}
+TRIANGLES = {"catmullClark": "CATMULL_CLARK", "smooth": "SMOOTH"}
+ORIENTATIONS = {"rightHanded": "RIGHT_HANDED", "leftHanded": "LEFT_HANDED"}
+
+_NO_INTS = np.zeros(0, dtype=np.int32)
+_NO_FLOATS = np.zeros(0, dtype=np.float32)
+
+
+@dataclass
+class Topology:
+    """Options by USD's names, and index arrays as authored."""
+
+    scheme: str = "none"
+    boundary: str = "edgeAndCorner"
+    face_varying: str = "cornersPlus1"
+    triangles: str = "catmullClark"
+    orientation: str = "rightHanded"
+    face_vertex_counts: np.ndarray = field(default_factory=lambda: _NO_INTS)
+    face_vertex_indices: np.ndarray = field(default_factory=lambda: _NO_INTS)
+    holes: np.ndarray = field(default_factory=lambda: _NO_INTS)
+    crease_indices: np.ndarray = field(default_factory=lambda: _NO_INTS)
+    crease_lengths: np.ndarray = field(default_factory=lambda: _NO_INTS)
+    crease_sharpnesses: np.ndarray = field(default_factory=lambda: _NO_FLOATS)
+    corner_indices: np.ndarray = field(default_factory=lambda: _NO_INTS)
+    corner_sharpnesses: np.ndarray = field(default_factory=lambda: _NO_FLOATS)
+    varies: bool = False
+
+
+@dataclass
+class Points:
+    """Object-space points at times relative to the frame."""
+
+    times: list[float]
+    arrays: list[np.ndarray]  # (n, 3) f32 each
+    varies: bool = False
+
+
+def read_topology(mesh: UsdGeom.Mesh, shutter: Shutter, log: SceneLog) -> Topology:
+    """Topology at the frame."""
+
+    def token(attribute, known):
+        value = attribute.Get(shutter.time)
+        if value in known:
+            return value
+        fallback = (
+            attribute.GetPrim().GetPrimDefinition().GetAttributeFallbackValue(attribute.GetName())
+        )
+        log.warn(
+            mesh.GetPath(),
+            f"token-{attribute.GetName()}",
+            f"{attribute.GetName()} is {value!r}, which is none of {', '.join(known)}; "
+            f"{fallback} is used",
+        )
+        return fallback
+
+    arrays = {
+        "face_vertex_counts": (mesh.GetFaceVertexCountsAttr(), np.int32),
+        "face_vertex_indices": (mesh.GetFaceVertexIndicesAttr(), np.int32),
+        "holes": (mesh.GetHoleIndicesAttr(), np.int32),
+        "crease_indices": (mesh.GetCreaseIndicesAttr(), np.int32),
+        "crease_lengths": (mesh.GetCreaseLengthsAttr(), np.int32),
+        "crease_sharpnesses": (mesh.GetCreaseSharpnessesAttr(), np.float32),
+        "corner_indices": (mesh.GetCornerIndicesAttr(), np.int32),
+        "corner_sharpnesses": (mesh.GetCornerSharpnessesAttr(), np.float32),
+    }
+    topology = Topology(
+        scheme=token(mesh.GetSubdivisionSchemeAttr(), SCHEMES),
+        boundary=token(mesh.GetInterpolateBoundaryAttr(), BOUNDARIES),
+        face_varying=token(mesh.GetFaceVaryingLinearInterpolationAttr(), FACE_VARYING),
+        triangles=token(mesh.GetTriangleSubdivisionRuleAttr(), TRIANGLES),
+        orientation=token(mesh.GetOrientationAttr(), ORIENTATIONS),
+        varies=any(attribute.ValueMightBeTimeVarying() for attribute, _ in arrays.values()),
+    )
+    for name, (attribute, dtype) in arrays.items():
+        value = attribute.Get(shutter.time)
+        if value is not None:
+            setattr(topology, name, np.ascontiguousarray(value, dtype=dtype))
+    return topology
+
+
+def read_points(mesh: UsdGeom.PointBased, shutter: Shutter, topology_varies: bool) -> Points:
+    """Points as authored around the shutter, or moved by their velocities where these are authored.
+
+    USD's rules: with velocities, the sample at or before the frame moves along them. Where the
+    number of points changes because the topology does, the points are those of the frame.
+    """
+    attribute = mesh.GetPointsAttr()
+    varies = attribute.ValueMightBeTimeVarying()
+    if shutter.moves:
+        moved = _by_velocities(mesh, shutter)
+        if moved:
+            return moved
+        samples = bracketing_samples(attribute, shutter)
+        if samples:
+            arrays = [_array(attribute.Get(Usd.TimeCode(time))) for time in samples]
+            same = len({len(array) for array in arrays}) == 1
+            if same or not topology_varies:
+                return Points([time - shutter.frame for time in samples], arrays, True)
+    time = shutter.time if topology_varies else shutter.code(shutter.open)
+    return Points([shutter.open], [_array(attribute.Get(time))], varies)
+
+
+def _by_velocities(mesh: UsdGeom.PointBased, shutter: Shutter) -> Points | None:
+    velocities = mesh.GetVelocitiesAttr()
+    if not velocities.HasAuthoredValue():
+        return None
+    value, points = velocities.Get(shutter.time), mesh.GetPointsAttr().Get(shutter.time)
+    if value is None or points is None or len(value) != len(points) or not len(points):
+        return None  # USD ignores velocities that do not fit
+    times = [shutter.open, shutter.close]
+    if mesh.GetAccelerationsAttr().HasAuthoredValue():
+        times = list(np.linspace(shutter.open, shutter.close, 5))
+    arrays = [_array(mesh.ComputePointsAtTime(shutter.code(time), shutter.time)) for time in times]
+    return Points(times, arrays, True)
+
+
+def _array(value) -> np.ndarray:
+    if value is None:
+        return np.zeros((0, 3), dtype=np.float32)
+    return np.ascontiguousarray(value, dtype=np.float32).reshape(-1, 3)

@@ -1,0 +1,117 @@
+"""What a render is asked for, whoever asks: the command line, a script, a test."""
+
+from dataclasses import dataclass, field
+
+from .errors import UsageError
+
+FILTERS = {
+    "box": "BOX",
+    "gaussian": "GAUSSIAN",
+    "mitchell": "MITCHELL",
+    "blackman-harris": "BLACKMAN_HARRIS",
+}
+WINDOW_POLICIES = {
+    "matchHorizontally": "MATCH_HORIZONTALLY",
+    "matchVertically": "MATCH_VERTICALLY",
+    "fit": "FIT",
+    "crop": "CROP",
+    "dontConform": "DONT_CONFORM",
+}
+BACKENDS = {"auto": "AUTO", "cpu": "CPU", "gpu": "GPU"}
+
+
+@dataclass
+class Options:
+    """Everything but the stage and the frame. Checked by `validate`."""
+
+    width: int = 960
+    height: int | None = None
+    """None: from the camera's aspect, as usdrecord does."""
+    samples: int = 64
+    shading_rate: float = 1.0
+    """Micropolygon edge in pixels."""
+    shutter: tuple[float, float] | None = None
+    """In place of the camera's, in time codes relative to the frame."""
+    motion_blur: bool = True
+    defocus: bool = True
+    aovs: list[str] = field(default_factory=lambda: ["color"])
+    filter: str = "gaussian"
+    filter_width: float = 0.0
+    """Pixels; 0 for the filter's own."""
+    seed: int = 0
+    threads: int = 0
+    crop: tuple[float, float, float, float] | None = None
+    """x0, y0, x1, y1, half open, y down: pixels (all int), or fractions (float)."""
+    backend: str = "auto"
+    camera: str | None = None
+    purposes: list[str] = field(default_factory=lambda: ["proxy"])
+    camera_light: bool = True
+    draw_modes: bool = True
+    window_policy: str = "matchHorizontally"
+    pixel_aspect: float = 1.0
+    time_window: tuple[float, float] = (0.0, 1.0)
+    """Part of the shutter that is sampled; dicing still sees all of it."""
+    lens_point: tuple[float, float] | None = None
+    """One point of the unit lens disk for every sample."""
+    max_micropolygons: int | None = None
+
+    def validate(self) -> None:
+        """Raises UsageError where a value makes no sense."""
+
+        def require(good: bool, text: str) -> None:
+            if not good:
+                raise UsageError(text)
+
+        require(1 <= self.width <= 1 << 16, "The image width must be from 1 to 65536 pixels.")
+        require(
+            self.height is None or 1 <= self.height <= 1 << 16,
+            "The image height must be from 1 to 65536 pixels.",
+        )
+        require(1 <= self.samples <= 1 << 20, "Samples must be from 1 to 1048576 a pixel.")
+        require(
+            0.01 <= self.shading_rate <= 1000.0,
+            "The shading rate must be from 0.01 to 1000 pixels.",
+        )
+        require(self.filter in FILTERS, f"The filter must be one of {', '.join(FILTERS)}.")
+        require(0.0 <= self.filter_width <= 32.0, "The filter width must be from 0 to 32 pixels.")
+        require(self.backend in BACKENDS, f"The backend must be one of {', '.join(BACKENDS)}.")
+        require(
+            self.window_policy in WINDOW_POLICIES,
+            f"The window policy must be one of {', '.join(WINDOW_POLICIES)}.",
+        )
+        require(0 <= self.seed < 1 << 32, "The seed must be from 0 to 4294967295.")
+        require(0 <= self.threads <= 4096, "Threads must be from 0 (all) to 4096.")
+        require(bool(self.aovs), "At least one AOV must be asked for.")
+        known = ("default", "proxy", "render", "guide")
+        for purpose in self.purposes:
+            require(purpose in known, f"{purpose!r} is no purpose: they are {', '.join(known)}.")
+        if self.shutter is not None:
+            opens, closes = self.shutter
+            require(
+                opens <= closes, f"The shutter closes ({closes:g}) before it opens ({opens:g})."
+            )
+            require(abs(opens) < 1e6 and abs(closes) < 1e6, "The shutter is absurdly long.")
+        if self.crop is not None:
+            x0, y0, x1, y1 = self.crop
+            require(0 <= x0 < x1 and 0 <= y0 < y1, "The crop must have x0 < x1 and y0 < y1.")
+            if any(isinstance(value, float) for value in self.crop):
+                require(x1 <= 1 and y1 <= 1, "A crop in fractions must lie within 0 to 1.")
+
+    def resolution(self, aspect: float) -> tuple[int, int]:
+        """Width and height for a camera of this aspect."""
+        if self.height is not None:
+            return self.width, self.height
+        return self.width, max(int(self.width / aspect), 1)
+
+    def crop_pixels(self, width: int, height: int) -> tuple[int, int, int, int]:
+        """The crop in pixels; all zero for the whole image."""
+        if self.crop is None:
+            return 0, 0, 0, 0
+        x0, y0, x1, y1 = self.crop
+        if any(isinstance(value, float) for value in self.crop):
+            x0, x1 = round(x0 * width), round(x1 * width)
+            y0, y1 = round(y0 * height), round(y1 * height)
+        x1, y1 = min(x1, width), min(y1, height)
+        if x0 >= x1 or y0 >= y1:
+            raise UsageError(f"The crop holds no pixel of an image of {width} x {height}.")
+        return x0, y0, x1, y1

@@ -1,0 +1,103 @@
+"""Primvars that are shaded with: displayColor, displayOpacity, normals; inherited and indexed."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from pxr import UsdGeom
+
+from .log import SceneLog
+from .shutter import Shutter
+
+WIDTHS = {"displayColor": 3, "displayOpacity": 1, "normals": 3}
+
+INTERPOLATIONS = {
+    "constant": "CONSTANT",
+    "uniform": "UNIFORM",
+    "varying": "VARYING",
+    "vertex": "VERTEX",
+    "faceVarying": "FACE_VARYING",
+}
+
+
+@dataclass
+class Primvar:
+    """One primvar at one frame."""
+
+    interpolation: str  # a key of INTERPOLATIONS
+    values: np.ndarray  # (n, width) f32
+    indices: np.ndarray | None  # i32
+    varies: bool  # may differ at another frame
+
+
+def read_primvars(mesh: UsdGeom.Gprim, shutter: Shutter, log: SceneLog) -> dict[str, Primvar]:
+    """The primvars of `mesh` by name; what cannot be used is left out with a warning."""
+    found = {}
+    api = UsdGeom.PrimvarsAPI(mesh)
+    for name in WIDTHS:
+        primvar = api.FindPrimvarWithInheritance(name)
+        if primvar and primvar.HasValue():
+            indices = primvar.GetIndices(shutter.time) if primvar.IsIndexed() else None
+            read = _make(
+                mesh,
+                name,
+                primvar.Get(shutter.time),
+                primvar.GetInterpolation(),
+                indices,
+                primvar.ValueMightBeTimeVarying(),
+                log,
+            )
+            if read:
+                found[name] = read
+    normals = UsdGeom.PointBased(mesh)
+    if "normals" not in found and normals and normals.GetNormalsAttr().HasAuthoredValue():
+        attribute = normals.GetNormalsAttr()
+        read = _make(
+            mesh,
+            "normals",
+            attribute.Get(shutter.time),
+            normals.GetNormalsInterpolation(),
+            None,
+            attribute.ValueMightBeTimeVarying(),
+            log,
+        )
+        if read:
+            found["normals"] = read
+    return found
+
+
+def inherited_from(mesh: UsdGeom.Gprim) -> tuple[str, ...]:
+    """Paths of the primvars that the prim gets from above; instances may differ in them."""
+    api = UsdGeom.PrimvarsAPI(mesh)
+    own = mesh.GetPath()
+    sources = []
+    for name in WIDTHS:
+        attribute = api.FindPrimvarWithInheritance(name).GetAttr()
+        if attribute and attribute.GetPrim().GetPath() != own:
+            sources.append(str(attribute.GetPath()))
+    return tuple(sources)
+
+
+def _make(mesh, name, value, interpolation, indices, varies, log) -> Primvar | None:
+    if value is None:
+        return None
+    path, width = mesh.GetPath(), WIDTHS[name]
+    if interpolation not in INTERPOLATIONS:
+        text = f"{name} has the interpolation {interpolation!r}, which is none; it is ignored"
+        log.warn(path, "primvar-interpolation", text)
+        return None
+    try:
+        values = np.asarray(value, dtype=np.float32)
+    except (TypeError, ValueError):
+        log.warn(path, "primvar-type", f"{name} does not hold numbers; it is ignored")
+        return None
+    if values.size == 0:
+        return None  # authored, but empty: as if not authored
+    if values.ndim <= 1 and values.size % width == 0 and (width == 1 or values.size == width):
+        values = values.reshape(-1, width)
+    if values.ndim != 2 or values.shape[1] != width:
+        got = values.shape[1] if values.ndim == 2 else 1
+        text = f"{name} has {got} numbers a value, not {width}; it is ignored"
+        log.warn(path, "primvar-type", text)
+        return None
+    indices = None if indices is None else np.asarray(indices, dtype=np.int32)
+    return Primvar(interpolation, np.ascontiguousarray(values), indices, varies)

@@ -1,0 +1,43 @@
+"""A progress bar with the time left, on a terminal; nothing elsewhere."""
+
+import sys
+
+from tqdm import tqdm
+
+STATES = {1: "preparing", 2: "rendering"}
+
+
+class ProgressBar:
+    """Follows one frame. Use it in a `with` block and call it with each trz_progress."""
+
+    def __init__(self, name: str, quiet: bool):
+        self._bar = None
+        if not quiet and sys.stderr.isatty():
+            self._bar = tqdm(
+                total=1.0,
+                desc=name,
+                file=sys.stderr,
+                leave=False,
+                dynamic_ncols=True,
+                bar_format="{desc} {percentage:3.0f}% |{bar}| {postfix}",
+            )
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        if self._bar is not None:
+            self._bar.close()
+
+    def __call__(self, progress) -> None:
+        if self._bar is None:
+            return
+        left = progress.seconds_left
+        text = STATES.get(progress.state, "")
+        if progress.state == 2:
+            text = f"{progress.samples_done}/{progress.samples_total} samples"
+            if left >= 0.0:
+                text += f", {tqdm.format_interval(left)} left"
+        self._bar.n = min(max(progress.fraction, 0.0), 1.0)
+        self._bar.set_postfix_str(text, refresh=False)
+        self._bar.refresh()

@@ -1,0 +1,265 @@
+"""Keeps a session's prims in step with a stage: walks it and sends what is new or has changed.
+
+The walk follows USD's rules: invisible subtrees are left out, purposes are inherited, native
+instances of one prototype become one mesh with many places, point instancers place the subtrees
+of their prototypes. For the next frame only what may vary in time is read and sent again; after
+an edit of the stage, everything.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from pxr import Tf, Usd, UsdGeom, UsdLux, UsdShade, UsdSkel
+
+from .implicit import read_cube, read_plane
+from .instances import InstancerReader, NativeInstances, Placement, PointInstances
+from .log import SceneLog
+from .mesh import read_points, read_topology
+from .primvars import WIDTHS, inherited_from, read_primvars
+from .session import Session
+from .shutter import Shutter
+from .transforms import Level, TransformReader
+
+
+@dataclass
+class _Sent:
+    """What the session has of one mesh."""
+
+    prim: int
+    topology_varies: bool = False
+    points_varies: bool = False
+    primvars_vary: bool = False
+    primvars: set[str] = field(default_factory=set)
+    levels: list[Level] | None = None
+    instances: tuple | None = None
+
+
+@dataclass(frozen=True)
+class _Place:
+    """Where the walk is: copies, the subtree's top (its transform included), and a key's prefix."""
+
+    placement: Placement | None = None
+    top: Usd.Prim | None = None
+    prefix: str = ""
+    instancers: tuple = ()
+
+
+class SceneSync:
+    """One stage in one session."""
+
+    def __init__(self, session: Session, log: SceneLog, purposes: list[str], draw_modes: bool):
+        self._session = session
+        self._log = log
+        self._purposes = {"default", *purposes}
+        self._draw_modes = draw_modes
+        self._sent: dict[str, _Sent] = {}
+        self._stage: Usd.Stage | None = None
+        self._notice = None
+        self._next_pick_id = 0
+        self.prim_paths: dict[int, str] = {}
+        """Prim path of each primId."""
+
+    @property
+    def mesh_count(self) -> int:
+        """Meshes that the session has now."""
+        return len(self._sent)
+
+    def sync(self, stage: Usd.Stage, shutter: Shutter, transforms: TransformReader) -> None:
+        """Brings the session to the state of `stage` at the frame of `shutter`."""
+        if stage != self._stage:
+            self._stage = stage
+            self._forget_what_was_read()
+            self._notice = Tf.Notice.Register(
+                Usd.Notice.ObjectsChanged, lambda *_: self._forget_what_was_read(), stage
+            )
+        self._shutter = shutter
+        self._transforms = transforms
+        self._seen: set[str] = set()
+        self._ignored = {"lights": 0, "materials": 0}
+        self._walk(stage.GetPseudoRoot(), "default", _Place())
+        for key in self._sent.keys() - self._seen:
+            self._session.remove(self._sent.pop(key).prim)
+        if any(self._ignored.values()):
+            counts = " and ".join(f"{n} {what}" for what, n in self._ignored.items() if n)
+            text = f"{counts} of the stage are not used yet: displayColor and the camera light are"
+            self._log.say(20, "", "unsupported-shading", text)
+
+    def _forget_what_was_read(self) -> None:
+        for sent in self._sent.values():
+            sent.topology_varies = sent.points_varies = sent.primvars_vary = True
+
+    # The walk ------------------------------------------------------------------------------------
+
+    def _walk(self, root: Usd.Prim, purpose: str, place: _Place) -> None:
+        """Emits the subtree of `root`; native instances in it are gathered and come last."""
+        groups: dict[tuple, list] = {}
+        stack = [(root, purpose, None)]
+        while stack:
+            prim, purpose, instance = stack.pop()
+            imageable = UsdGeom.Imageable(prim)
+            if imageable:
+                visibility = imageable.GetVisibilityAttr().Get(self._shutter.time)
+                if visibility == UsdGeom.Tokens.invisible:
+                    continue
+                if imageable.GetPurposeAttr().HasAuthoredValue():
+                    purpose = imageable.GetPurposeAttr().Get()
+                if self._visit(prim, purpose, instance, place, groups):
+                    continue
+            elif prim.IsA(UsdShade.Material):
+                self._ignored["materials"] += 1
+                continue
+            below = prim if prim.IsInstance() else instance
+            children = prim.GetFilteredChildren(Usd.TraverseInstanceProxies())
+            stack += [(child, purpose, below) for child in reversed(children)]
+        for key, members in groups.items():
+            self._emit_group(key, members, place)
+
+    def _visit(self, prim, purpose, instance, place, groups) -> bool:
+        """Emits one imageable prim; True where its children are not to be visited."""
+        if self._draw_modes and prim.HasAPI(UsdGeom.ModelAPI):
+            self._check_draw_mode(prim)
+        if prim.IsA(UsdGeom.PointInstancer):
+            if purpose in self._purposes:
+                self._emit_instancer(UsdGeom.PointInstancer(prim), purpose, place)
+            return True
+        if prim.HasAPI(UsdLux.LightAPI):
+            self._ignored["lights"] += 1
+        if not prim.IsA(UsdGeom.Gprim) or purpose not in self._purposes:
+            return False
+        if not (prim.IsA(UsdGeom.Mesh) or prim.IsA(UsdGeom.Cube) or prim.IsA(UsdGeom.Plane)):
+            self._log.warn(
+                prim.GetPath(), "unsupported", f"{prim.GetTypeName()} is not supported yet"
+            )
+            return False
+        if instance and not self._transforms.resets_below(prim, instance):
+            prototype = prim.GetPrimInPrototype().GetPath()
+            key = (prototype, inherited_from(UsdGeom.Gprim(prim)))
+            groups.setdefault(key, []).append((prim, instance))
+        else:
+            levels = self._transforms.levels(prim, place.top)
+            self._emit(place.prefix + str(prim.GetPath()), prim, levels, place.placement)
+        return False
+
+    def _emit_group(self, key, members, place: _Place) -> None:
+        """Meshes that share a prototype's prim: one mesh with many places, or simply one."""
+        prim, instance = members[0]
+        if len(members) == 1:
+            levels = self._transforms.levels(prim, place.top)
+            self._emit(place.prefix + str(prim.GetPath()), prim, levels, place.placement)
+            return
+        levels = [self._transforms.levels(inst, place.top) for _, inst in members]
+        placement = NativeInstances(levels, place.placement)
+        own = self._transforms.levels(prim, below=instance)
+        # Prototype paths may differ from one opening of a stage to the next, not within one.
+        self._emit(f"{place.prefix}{key}", prim, own, placement)
+
+    def _emit_instancer(self, instancer, purpose, place: _Place) -> None:
+        path = instancer.GetPath()
+        if path in place.instancers:
+            self._log.warn(path, "instancer-loop", "it is among its own prototypes; left out there")
+            return
+        targets = instancer.GetPrototypesRel().GetForwardedTargets()
+        reader = InstancerReader(instancer, self._shutter, self._log)
+        if not len(reader.indices):
+            return
+        visible = reader.visible()
+        wrong = (reader.indices < 0) | (reader.indices >= len(targets))
+        if wrong.any():
+            count = f"{int(wrong.sum())} protoIndices"
+            text = f"{count} point at none of its {len(targets)} prototypes; left out"
+            self._log.warn(path, "topology", text)
+        levels = self._transforms.levels(instancer.GetPrim(), place.top)
+        for number, target in enumerate(targets):
+            chosen = np.flatnonzero((reader.indices == number) & visible)
+            if not len(chosen):
+                continue
+            prototype = self._stage.GetPrimAtPath(target)
+            if not prototype:
+                self._log.warn(path, "prototype", f"its prototype {target} does not exist")
+                continue
+            placement = PointInstances(reader, chosen, levels, place.placement)
+            prefix = f"{place.prefix}{path}[{number}]"
+            self._walk(
+                prototype, purpose, _Place(placement, prototype, prefix, (*place.instancers, path))
+            )
+
+    def _check_draw_mode(self, prim) -> None:
+        model = UsdGeom.ModelAPI(prim)
+        mode = model.ComputeModelDrawMode()
+        if model.GetModelApplyDrawModeAttr().Get() and mode not in ("default", "inherited", ""):
+            text = f"draw mode {mode} is not supported yet; its geometry is rendered in full"
+            self._log.warn(prim.GetPath(), "draw-mode", text)
+
+    # One mesh ------------------------------------------------------------------------------------
+
+    def _emit(self, key: str, prim: Usd.Prim, levels: list[Level], placement) -> None:
+        """Sends what the session does not have yet of one mesh."""
+        sent = self._sent.get(key)
+        if sent is None or sent.topology_varies or sent.points_varies:
+            sent = self._emit_shape(key, sent, prim)
+            if sent is None:
+                return
+        self._seen.add(key)
+        session = self._session
+        if sent.primvars_vary:
+            primvars = read_primvars(UsdGeom.Gprim(prim), self._shutter, self._log)
+            for name in WIDTHS:
+                if name in primvars or name in sent.primvars:
+                    session.set_primvar(sent.prim, name, primvars.get(name))
+            sent.primvars = set(primvars)
+            sent.primvars_vary = any(primvar.varies for primvar in primvars.values())
+        if sent.levels is None or not _same_levels(sent.levels, levels):
+            session.set_transform(sent.prim, levels)
+            sent.levels = levels
+        instances = None
+        if placement is not None:
+            instances = (*placement.samples(self._shutter), placement.ids)
+        if not _same_arrays(sent.instances, instances):
+            if instances is None:
+                session.clear_instances(sent.prim)
+            else:
+                session.set_instances(sent.prim, *instances)
+            sent.instances = instances
+
+    def _emit_shape(self, key: str, sent: _Sent | None, prim: Usd.Prim) -> _Sent | None:
+        """Topology and points; None for a mesh that is empty."""
+        shutter = self._shutter
+        if prim.IsA(UsdGeom.Mesh):
+            mesh = UsdGeom.Mesh(prim)
+            topology = read_topology(mesh, shutter, self._log)
+            points = read_points(mesh, shutter, topology.varies)
+            if UsdSkel.BindingAPI(prim).GetJointIndicesAttr().HasAuthoredValue():
+                text = "skinning is not supported yet: the rest shape is rendered"
+                self._log.warn(prim.GetPath(), "unsupported-skinning", text)
+        elif prim.IsA(UsdGeom.Cube):
+            topology, points = read_cube(UsdGeom.Cube(prim), shutter)
+        else:
+            topology, points = read_plane(UsdGeom.Plane(prim), shutter)
+        if not topology.face_vertex_counts.size and not any(a.size for a in points.arrays):
+            return None  # a mesh without faces and points: nothing to say, nothing to draw
+        new = sent is None
+        if new:
+            sent = _Sent(self._session.create_mesh(str(prim.GetPath())), primvars_vary=True)
+            self._sent[key] = sent
+            self._session.set_pick_id(sent.prim, self._next_pick_id)
+            self.prim_paths[self._next_pick_id] = str(prim.GetPath())
+            self._next_pick_id += 1
+        if new or sent.topology_varies:
+            self._session.set_topology(sent.prim, topology)
+        self._session.set_points(sent.prim, points)
+        sent.topology_varies = topology.varies
+        sent.points_varies = points.varies
+        return sent
+
+
+def _same_arrays(a: tuple | None, b: tuple | None) -> bool:
+    if a is None or b is None:
+        return a is b
+    return all(np.array_equal(x, y) for x, y in zip(a, b, strict=True))
+
+
+def _same_levels(a: list[Level], b: list[Level]) -> bool:
+    return len(a) == len(b) and all(
+        np.array_equal(x.times, y.times) and np.array_equal(x.matrices, y.matrices)
+        for x, y in zip(a, b, strict=True)
+    )

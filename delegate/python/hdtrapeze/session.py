@@ -1,0 +1,340 @@
+"""One rendering session of the C ABI, with numpy arrays in and out.
+
+Arrays are passed without copies where they have the right type; the renderer copies what it
+keeps, so nothing needs to outlive a call. Calls that take long release Python's lock.
+"""
+
+import contextlib
+import logging
+from dataclasses import fields
+
+import numpy as np
+
+from . import native
+from .camera import CameraState
+from .log import SceneLog
+from .mesh import BOUNDARIES, FACE_VARYING, ORIENTATIONS, SCHEMES, TRIANGLES, Points, Topology
+from .primvars import INTERPOLATIONS, Primvar
+from .transforms import Level
+
+ffi = native.ffi
+
+ARRAY_TYPES = {np.dtype(np.float32): "float[]", np.dtype(np.float64): "double[]"}
+ARRAY_TYPES |= {np.dtype(np.int32): "int32_t[]", np.dtype(np.uint32): "uint32_t[]"}
+
+
+class _Arrays:
+    """Pointers to numpy arrays, kept alive together."""
+
+    def __init__(self):
+        self._keep = []
+
+    def pointer(self, array: np.ndarray):
+        """A pointer to the array's memory; NULL where it is empty."""
+        array = np.ascontiguousarray(array)
+        if array.size == 0:
+            return ffi.NULL
+        pointer = ffi.from_buffer(ARRAY_TYPES[array.dtype], array)
+        self._keep.append((array, pointer))
+        return pointer
+
+    def keep(self, value):
+        """Keeps a cffi allocation alive."""
+        self._keep.append(value)
+        return value
+
+
+def _text(value: str):
+    return value.encode("utf-8")
+
+
+class Session:
+    """Owns a trz_session. Not thread-safe, but `cancel` may be called from any thread."""
+
+    def __init__(self, log: SceneLog):
+        self._lib = native.lib()
+        self._constants = native.constants()
+        self._log = log
+        handle = ffi.new("trz_session **")
+        native.check(self._lib.trz_session_create(handle))
+        self._session = handle[0]
+        self._callback = ffi.callback("trz_log_fn", self._on_log)
+        native.check(
+            self._lib.trz_session_set_log(
+                self._session, self._callback, ffi.NULL, self._constants.TRZ_LOG_INFO
+            )
+        )
+
+    def close(self) -> None:
+        """Frees the session; stops a render that is still running."""
+        if self._session is not None:
+            session, self._session = self._session, None
+            self._lib.trz_session_destroy(session)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.close()
+
+    def _on_log(self, _user, level, path, code, text):
+        constants = self._constants
+        levels = {
+            constants.TRZ_LOG_ERROR: logging.ERROR,
+            constants.TRZ_LOG_WARN: logging.WARNING,
+            constants.TRZ_LOG_INFO: logging.INFO,
+        }
+        path, code, text = (
+            ffi.string(p).decode("utf-8", "replace") if p else "" for p in (path, code, text)
+        )
+        self._log.say(levels.get(level, logging.DEBUG), path, code, text)
+
+    def _call(self, function: str, *arguments) -> None:
+        native.check(getattr(self._lib, function)(self._session, *arguments))
+
+    def _value(self, kind: str, name: str) -> int:
+        return getattr(self._constants, f"TRZ_{kind}_{name}")
+
+    # Prims ---------------------------------------------------------------------------------------
+
+    def _create(self, function: str, path: str) -> int:
+        out = ffi.new("trz_id *")
+        self._call(function, _text(path), out)
+        return out[0]
+
+    def create_mesh(self, path: str) -> int:
+        """A new mesh prim."""
+        return self._create("trz_mesh_create", path)
+
+    def create_camera(self, path: str) -> int:
+        """A new camera."""
+        return self._create("trz_camera_create", path)
+
+    def remove(self, prim: int) -> None:
+        """Removes a prim."""
+        self._call("trz_prim_remove", prim)
+
+    def set_topology(self, prim: int, topology: Topology) -> None:
+        """Sets a mesh's topology, as authored."""
+        arrays = _Arrays()
+        value = native.new("trz_topology")
+        value.scheme = self._value("SCHEME", SCHEMES[topology.scheme])
+        value.boundary = self._value("BOUNDARY", BOUNDARIES[topology.boundary])
+        value.face_varying = self._value("FVAR", FACE_VARYING[topology.face_varying])
+        value.triangles = self._value("TRIANGLES", TRIANGLES[topology.triangles])
+        value.orientation = self._value("ORIENTATION", ORIENTATIONS[topology.orientation])
+        counts = {
+            "face_vertex_counts": "face_count",
+            "face_vertex_indices": "index_count",
+            "holes": "hole_count",
+            "crease_indices": "crease_index_count",
+            "crease_lengths": "crease_count",
+            "crease_sharpnesses": "crease_sharpness_count",
+            "corner_indices": "corner_count",
+            "corner_sharpnesses": "corner_sharpness_count",
+        }
+        for name, count in counts.items():
+            array = getattr(topology, name)
+            setattr(value, name, arrays.pointer(array))
+            setattr(value, count, array.size)
+        self._call("trz_mesh_set_topology", prim, value)
+
+    def set_points(self, prim: int, points: Points) -> None:
+        """Sets a mesh's points."""
+        arrays = _Arrays()
+        value = native.new("trz_points")
+        value.times = arrays.pointer(np.asarray(points.times, dtype=np.float64))
+        value.sample_count = len(points.arrays)
+        pointers = [arrays.pointer(array) for array in points.arrays]
+        value.points = arrays.keep(ffi.new("float *[]", pointers))
+        value.counts = arrays.keep(ffi.new("size_t[]", [len(array) for array in points.arrays]))
+        self._call("trz_mesh_set_points", prim, value)
+
+    def set_transform(self, prim: int, levels: list[Level]) -> None:
+        """Sets the transform of a prim or camera, its own level first."""
+        arrays = _Arrays()
+        value = ffi.new("trz_transform_samples[]", len(levels))
+        for i, level in enumerate(levels):
+            value[i].times = arrays.pointer(np.asarray(level.times, dtype=np.float64))
+            value[i].matrices = arrays.pointer(np.asarray(level.matrices, dtype=np.float64))
+            value[i].count = len(level.times)
+        self._call("trz_prim_set_transform", prim, value, len(levels))
+
+    def set_primvar(self, prim: int, name: str, primvar: Primvar | None) -> None:
+        """Sets a primvar, or removes it."""
+        if primvar is None:
+            self._call("trz_prim_set_primvar", prim, _text(name), ffi.NULL)
+            return
+        arrays = _Arrays()
+        value = native.new("trz_primvar")
+        value.interpolation = self._value("INTERPOLATION", INTERPOLATIONS[primvar.interpolation])
+        value.values = arrays.pointer(primvar.values)
+        value.value_count, value.width = primvar.values.shape
+        if primvar.indices is not None:
+            value.indices = arrays.pointer(primvar.indices)
+            value.index_count = primvar.indices.size
+        self._call("trz_prim_set_primvar", prim, _text(name), value)
+
+    def set_instances(
+        self, prim: int, times: np.ndarray, matrices: np.ndarray, ids: np.ndarray
+    ) -> None:
+        """Places a prim many times; `matrices` are (sample, instance, 4, 4)."""
+        arrays = _Arrays()
+        value = native.new("trz_instances")
+        value.times = arrays.pointer(np.asarray(times, dtype=np.float64))
+        value.sample_count = len(times)
+        value.matrices = arrays.pointer(np.asarray(matrices, dtype=np.float64))
+        value.instance_count = matrices.shape[1]
+        value.ids = arrays.pointer(np.asarray(ids, dtype=np.int32))
+        self._call("trz_prim_set_instances", prim, value)
+
+    def clear_instances(self, prim: int) -> None:
+        """Renders a prim once, where its transform says."""
+        self._call("trz_prim_set_instances", prim, ffi.NULL)
+
+    def set_pick_id(self, prim: int, pick_id: int) -> None:
+        """What the primId AOV holds for this prim."""
+        self._call("trz_prim_set_pick_id", prim, pick_id)
+
+    def set_camera(self, camera: int, state: CameraState) -> None:
+        """Sets a camera and renders through it."""
+        value = native.new("trz_camera")
+        native.check(self._lib.trz_camera_default(value))
+        orthographic = state.projection == "orthographic"
+        value.projection = self._value(
+            "PROJECTION", "ORTHOGRAPHIC" if orthographic else "PERSPECTIVE"
+        )
+        for field in fields(state):
+            if hasattr(value, field.name) and field.name != "projection":
+                setattr(value, field.name, getattr(state, field.name))
+        value.clipping_near, value.clipping_far = state.clipping
+        value.shutter_open, value.shutter_close = state.shutter
+        self._call("trz_camera_set", camera, value)
+        self.set_transform(camera, state.levels)
+        self._call("trz_session_set_active_camera", camera)
+
+    # Settings and rendering ----------------------------------------------------------------------
+
+    def set_settings(self, **settings) -> None:
+        """Sets every field that is named, and the renderer's defaults for the rest."""
+        value = native.new("trz_settings")
+        native.check(self._lib.trz_settings_default(value))
+        for name, setting in settings.items():
+            setattr(value, name, setting)
+        self._call("trz_session_set_settings", value)
+
+    def set_aovs(self, names: list[str]) -> None:
+        """Which AOVs the next render fills."""
+        texts = [ffi.new("char[]", _text(name)) for name in names]
+        self._call("trz_session_set_aovs", ffi.new("char *[]", texts), len(texts))
+
+    def commit(self) -> None:
+        """Applies edits, dices and builds."""
+        self._call("trz_session_commit")
+
+    def start(self) -> None:
+        """Commits what is pending and starts to render."""
+        self._call("trz_render_start")
+
+    def wait(self, seconds: float) -> bool:
+        """Whether the render has finished within `seconds` (negative: however long it takes)."""
+        finished = ffi.new("uint32_t *")
+        self._call("trz_render_wait", float(seconds), finished)
+        return bool(finished[0])
+
+    def cancel(self) -> None:
+        """Stops the render; what was rendered stays."""
+        self._call("trz_render_cancel")
+
+    def progress(self):
+        """How far the render is, a trz_progress."""
+        value = native.new("trz_progress")
+        self._call("trz_render_progress", value)
+        return value
+
+    def statistics(self) -> dict[str, float]:
+        """Statistics of the last commit and render by name."""
+        value = native.new("trz_statistics")
+        self._call("trz_statistics_get", value)
+        names = [name for name, _ in ffi.typeof("trz_statistics").fields]
+        return {name: getattr(value, name) for name in names if name != "struct_size"}
+
+    def explain(self) -> str:
+        """What the renderer simulates for this scene, and which prim calls for it."""
+        needed = ffi.new("size_t *")
+        with contextlib.suppress(native.NativeError):
+            self._call("trz_explain", ffi.NULL, 0, needed)
+        capacity = max(int(needed[0]), 1 << 16)
+        buffer = ffi.new("char[]", capacity)
+        self._call("trz_explain", buffer, capacity, needed)
+        return ffi.string(buffer).decode("utf-8", "replace")
+
+    # Results -------------------------------------------------------------------------------------
+
+    def aov(self, name: str) -> np.ndarray:
+        """A copy of an AOV, (height, width) or (height, width, components), rows top down."""
+        description = native.new("trz_aov_desc")
+        self._call("trz_aov_describe", _text(name), description)
+        integers = description.format == self._constants.TRZ_FORMAT_INT32
+        shape = (description.height, description.width, description.components)
+        array = np.empty(shape, dtype=np.int32 if integers else np.float32)
+        self._call("trz_aov_read", _text(name), ffi.from_buffer(array), array.nbytes)
+        return array[..., 0] if description.components == 1 else array
+
+    def write_image(
+        self,
+        path: str,
+        kind: str,
+        aovs: list[str],
+        metadata: dict[str, str],
+        pixel_type: str = "HALF",
+        compression: str = "ZIP",
+        color: str = "LINEAR",
+    ) -> None:
+        """Writes an EXR or PNG; whatever goes wrong, a file that was there stays."""
+        value = native.new("trz_image")
+        value.type = self._value("IMAGE", kind)
+        value.pixel_type = self._value("PIXEL", pixel_type)
+        value.compression = self._value("COMPRESSION", compression)
+        value.color = self._value("COLOR", color)
+        names = [ffi.new("char[]", _text(name)) for name in aovs]
+        pairs = [ffi.new("char[]", _text(str(t))) for pair in metadata.items() for t in pair]
+        value.aovs = aov_list = ffi.new("char *[]", names) if names else ffi.NULL
+        value.aov_count = len(names)
+        value.metadata = metadata_list = ffi.new("char *[]", pairs) if pairs else ffi.NULL
+        value.metadata_count = len(pairs)
+        self._call("trz_image_write", _text(path), value)
+        del aov_list, metadata_list  # alive until here
+
+    def trace_rays(self, rays: np.ndarray) -> np.ndarray:
+        """Traces (n, 9) f32 rays: origin, direction, time, t_min, t_max; world space.
+
+        Gives a structured array with the fields of trz_hit.
+        """
+        rays = np.ascontiguousarray(rays, dtype=np.float32).reshape(-1, 9)
+        hits = np.zeros(len(rays), dtype=HIT)
+        assert ffi.sizeof("trz_ray") == 36
+        assert ffi.sizeof("trz_hit") == HIT.itemsize
+        self._call(
+            "trz_trace_rays",
+            ffi.cast("trz_ray *", ffi.from_buffer(rays)),
+            ffi.cast("trz_hit *", ffi.from_buffer(hits)),
+            len(rays),
+        )
+        return hits
+
+
+HIT = np.dtype(
+    [
+        ("t", "f4"),
+        ("u", "f4"),
+        ("v", "f4"),
+        ("normal", "f4", 3),
+        ("prim_id", "i4"),
+        ("instance_id", "i4"),
+        ("element_id", "i4"),
+        ("grid", "u4"),
+        ("cell", "u4"),
+    ]
+)
+"""trz_hit as a numpy type."""

@@ -1,0 +1,68 @@
+"""The shutter of one frame, and authored times within it.
+
+Times given to USD are time codes; times given to the renderer are relative to the frame. At the
+default time (no frame) nothing moves.
+"""
+
+import bisect
+from dataclasses import dataclass
+
+from pxr import Usd
+
+
+@dataclass(frozen=True)
+class Shutter:
+    """Frame (None: the default time), and shutter in time codes relative to it."""
+
+    frame: float | None
+    open: float = 0.0
+    close: float = 0.0
+
+    @property
+    def time(self) -> Usd.TimeCode:
+        """The frame as a USD time, for everything that has one value a frame."""
+        return Usd.TimeCode.Default() if self.frame is None else Usd.TimeCode(self.frame)
+
+    @property
+    def moves(self) -> bool:
+        """Whether there is a time span at all."""
+        return self.frame is not None and self.close > self.open
+
+    def code(self, time: float) -> Usd.TimeCode:
+        """The USD time of a relative time."""
+        return Usd.TimeCode.Default() if self.frame is None else Usd.TimeCode(self.frame + time)
+
+    def keys(self, samples: list[float]) -> list[float]:
+        """Relative times of open, close and the authored samples between them.
+
+        `samples` are the ascending times of an attribute. Where the value cannot change within
+        the shutter there is one key.
+        """
+        if not self.moves or len(samples) < 2:
+            return [self.open]
+        start, end = self.frame + self.open, self.frame + self.close
+        if end <= samples[0] or start >= samples[-1]:
+            return [self.open]
+        first, last = bisect.bisect_right(samples, start), bisect.bisect_left(samples, end)
+        return [self.open, *(t - self.frame for t in samples[first:last]), self.close]
+
+
+def bracketing_samples(attribute: Usd.Attribute, shutter: Shutter) -> list[float] | None:
+    """Authored times within the shutter and the nearest one at either side of it.
+
+    None where the attribute has one value over the shutter, or steps from value to value.
+    """
+    if not shutter.moves or not attribute.ValueMightBeTimeVarying():
+        return None
+    if attribute.GetPrim().GetStage().GetInterpolationType() == Usd.InterpolationTypeHeld:
+        return None
+    start, end = shutter.frame + shutter.open, shutter.frame + shutter.close
+    first = attribute.GetBracketingTimeSamples(start)
+    last = attribute.GetBracketingTimeSamples(end)
+    if not first or not last:
+        return None
+    samples = attribute.GetTimeSamples()
+    low = bisect.bisect_left(samples, first[0])
+    high = bisect.bisect_right(samples, last[1])
+    found = samples[low:high]
+    return found if len(found) > 1 else None

@@ -1,0 +1,92 @@
+"""Opens stages and finds the render settings prim, in the order that usdrecord uses."""
+
+from pathlib import Path
+
+from pxr import Ar, Sdf, Tf, Usd, UsdRender
+
+from .errors import InputError, SceneError, UsageError
+from .log import SceneLog
+
+
+def _reason(error: Exception) -> str:
+    """The message of a USD error without the C++ function it came from."""
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    texts = [line.rsplit(" : ", 1)[-1].strip("' ") for line in lines]
+    return "; ".join(texts) or "unknown reason"
+
+
+def open_layer(path: str) -> Sdf.Layer:
+    """The layer at `path`; raises InputError where it is missing or cannot be read."""
+    try:
+        layer = Sdf.Layer.FindOrOpen(path)
+    except Tf.ErrorException as error:
+        raise InputError(f"{path} cannot be read: {_reason(error)}.") from None
+    if layer is None:
+        if not Path(path).exists():
+            raise InputError(f"{path} does not exist.")
+        raise InputError(f"{path} is not a file that USD can read.")
+    return layer
+
+
+def open_stage(
+    path: str, mask: str | None = None, session_layer: str | None = None, resolver: str = "root"
+) -> Usd.Stage:
+    """Opens the stage at `path`; `mask` is a list of prim paths joined by commas or spaces."""
+    root = open_layer(path)
+    session = open_layer(session_layer) if session_layer else Sdf.Layer.CreateAnonymous()
+    asset_resolver = Ar.GetResolver()
+    if resolver == "inherit":
+        context = asset_resolver.CreateDefaultContext()
+    else:
+        context = asset_resolver.CreateDefaultContextForAsset(path)
+    try:
+        if mask is None:
+            return Usd.Stage.Open(root, session, context)
+        population = Usd.StagePopulationMask()
+        for prim_path in mask.replace(",", " ").split():
+            if not Sdf.Path.IsValidPathString(prim_path) or not prim_path.startswith("/"):
+                raise UsageError(f"--mask: {prim_path!r} is not the absolute path of a prim.")
+            population.Add(Sdf.Path(prim_path))
+        return Usd.Stage.OpenMasked(root, session, context, population)
+    except Tf.ErrorException as error:
+        raise InputError(f"{path} cannot be opened as a stage: {_reason(error)}.") from None
+
+
+def find_render_settings(
+    stage: Usd.Stage, settings_path: str | None, pass_path: str | None, log: SceneLog
+) -> UsdRender.Settings | None:
+    """The settings prim: named, or of a named render pass, or of the stage's metadata."""
+    if settings_path and pass_path:
+        raise UsageError(
+            "Only one of --renderSettingsPrimPath and --renderPassPrimPath may be given."
+        )
+    named = settings_path or pass_path
+    if pass_path:
+        render_pass = UsdRender.Pass(_prim_at(stage, pass_path))
+        if not render_pass:
+            raise SceneError(f"{pass_path} is not a RenderPass prim of this stage.")
+        targets = render_pass.GetRenderSourceRel().GetTargets()
+        if not targets:
+            raise SceneError(f"{pass_path} has no renderSource.")
+        if len(targets) > 1:
+            log.warn(pass_path, "render-pass", f"has several render sources; using {targets[0]}")
+        settings_path = str(targets[0])
+    if not settings_path:
+        settings_path = stage.GetMetadata("renderSettingsPrimPath") or None
+    if not settings_path:
+        return None
+    settings = UsdRender.Settings(_prim_at(stage, settings_path))
+    if settings:
+        return settings
+    if named:
+        raise SceneError(f"{settings_path} is not a RenderSettings prim of this stage.")
+    log.warn(
+        settings_path, "render-settings", "the stage names it, but it is no RenderSettings prim"
+    )
+    return None
+
+
+def _prim_at(stage: Usd.Stage, path: str) -> Usd.Prim:
+    if not Sdf.Path.IsValidPathString(str(path)):
+        raise UsageError(f"{path!r} is not the path of a prim.")
+    return stage.GetPrimAtPath(path)

@@ -1,0 +1,173 @@
+"""Transforms of prims as levels of the hierarchy, each with its own keys in time.
+
+A level is the local matrix of one prim; static levels next to each other are folded into one. USD
+interpolates the numbers of the transform ops (an angle, say), so between two authored samples the
+matrix may follow a curve: keys are added, by halving, until straight lines between them keep to
+the curve within TOLERANCE. A point's path is then what the stage says, up to that tolerance.
+
+Matrices are USD's: row vectors, row-major, local to parent, f64.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from pxr import Usd, UsdGeom
+
+from .shutter import Shutter
+
+TOLERANCE = 2.5e-4
+"""Largest distance of the curve from the line between keys: for the linear part relative to its
+size, for the translation relative to the larger of that size and the path's extent. A wheel with
+a radius of 500 pixels is off by at most an eighth of a pixel."""
+
+MAX_KEYS = 64
+"""Keys of one level at most: a full turn keeps to a radius of 500 pixels within 0.6 pixels."""
+
+
+@dataclass
+class Level:
+    """Matrices of one level at ascending times relative to the frame."""
+
+    times: np.ndarray  # (n,)
+    matrices: np.ndarray  # (n, 4, 4)
+
+    @property
+    def static(self) -> bool:
+        return len(self.times) == 1
+
+    def at(self, time: float) -> np.ndarray:
+        """The matrix at `time`: keys are joined by lines, and hold outside."""
+        if self.static or time <= self.times[0]:
+            return self.matrices[0]
+        if time >= self.times[-1]:
+            return self.matrices[-1]
+        i = int(np.searchsorted(self.times, time, side="right")) - 1
+        f = (time - self.times[i]) / (self.times[i + 1] - self.times[i])
+        return self.matrices[i] * (1.0 - f) + self.matrices[i + 1] * f
+
+
+def static_level(matrix: np.ndarray) -> Level:
+    """A level that does not move."""
+    return Level(np.zeros(1), np.asarray(matrix, dtype=np.float64).reshape(1, 4, 4))
+
+
+def curve_keys(
+    times: list[float], evaluate: Callable[[float], np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Keys at `times` and, where `evaluate` bends between them, at more.
+
+    `evaluate` gives one or several matrices, (..., 4, 4); all of them get the same keys. Where
+    nothing moves, one key remains.
+    """
+    known: dict[float, np.ndarray] = {}
+
+    def at(time: float) -> np.ndarray:
+        if time not in known:
+            known[time] = np.asarray(evaluate(time), dtype=np.float64)
+        return known[time]
+
+    # A curve may cross its chord in the middle, so each segment is first probed at its quarters.
+    segments = list(pairwise(times))
+    probes = [a + (b - a) * f for a, b in segments for f in (0.25, 0.5, 0.75)]
+    values = np.stack([at(time) for time in sorted({*times, *probes})])
+    if not np.isfinite(values).all():
+        return np.array(times), np.stack([at(time) for time in times])  # the renderer warns
+    if (values == values[0]).all():
+        return np.array(times[:1]), values[:1]
+    linear = np.abs(values[..., :3, :3]).max()
+    extent = np.ptp(values[..., 3, :3], axis=0).max()
+    limits = np.full((4, 4), TOLERANCE * max(linear, 1e-30))
+    limits[3, :3] = TOLERANCE * max(linear, extent, 1e-30)
+
+    def misses(a: float, b: float, time: float) -> bool:
+        f = (time - a) / (b - a)
+        chord = at(a) * (1.0 - f) + at(b) * f
+        return bool((np.abs(at(time) - chord) > limits).any())
+
+    kept = set(times)
+    pending = [(a, b, (0.25, 0.5, 0.75)) for a, b in segments]
+    while pending and len(kept) < MAX_KEYS:
+        a, b, fractions = pending.pop(0)
+        middle = a + (b - a) * 0.5
+        if a < middle < b and any(misses(a, b, a + (b - a) * f) for f in fractions):
+            kept.add(middle)
+            pending += [(a, middle, (0.5,)), (middle, b, (0.5,))]
+    ordered = sorted(kept)
+    return np.array(ordered), np.stack([at(time) for time in ordered])
+
+
+def compose(levels: list[Level], time: float) -> np.ndarray:
+    """The product of `levels` at `time`, the prim's own level first."""
+    matrix = np.eye(4)
+    for level in levels:
+        matrix = matrix @ level.at(time)
+    return matrix
+
+
+def fold(levels: list[Level]) -> list[Level]:
+    """Multiplies neighbours that do not move; at least one level remains."""
+    folded: list[Level] = []
+    for level in levels:
+        if folded and folded[-1].static and level.static:
+            folded[-1] = static_level(folded[-1].matrices[0] @ level.matrices[0])
+        else:
+            folded.append(level)
+    return folded or [static_level(np.eye(4))]
+
+
+class TransformReader:
+    """Reads levels for one frame, each prim once."""
+
+    def __init__(self, shutter: Shutter):
+        self._shutter = shutter
+        self._own: dict = {}
+
+    def own_level(self, prim: Usd.Prim) -> tuple[Level | None, bool]:
+        """The prim's local level (None: identity), and whether it ignores its parents."""
+        path = prim.GetPath()
+        if path not in self._own:
+            self._own[path] = self._read(prim)
+        return self._own[path]
+
+    def _read(self, prim: Usd.Prim) -> tuple[Level | None, bool]:
+        xformable = UsdGeom.Xformable(prim)
+        if not xformable:
+            return None, False
+        resets = xformable.GetResetXformStack()
+        if not xformable.GetXformOpOrderAttr().HasAuthoredValue():
+            return None, resets
+        times = [self._shutter.open]
+        if self._shutter.moves and xformable.TransformMightBeTimeVarying():
+            times = self._shutter.keys(xformable.GetTimeSamples())
+        held = prim.GetStage().GetInterpolationType() == Usd.InterpolationTypeHeld
+
+        def evaluate(time):
+            return np.array(xformable.GetLocalTransformation(self._shutter.code(time)))
+
+        if len(times) == 1 or held:
+            return static_level(evaluate(self._shutter.open)), resets
+        return Level(*curve_keys(times, evaluate)), resets
+
+    def levels(
+        self, prim: Usd.Prim, top: Usd.Prim | None = None, below: Usd.Prim | None = None
+    ) -> list[Level]:
+        """Levels from `prim` up to `top` (included), `below` (excluded) or the root; folded."""
+        found = []
+        while prim and not prim.IsPseudoRoot() and prim != below:
+            level, resets = self.own_level(prim)
+            if level is not None:
+                found.append(level)
+            if resets or prim == top:
+                break
+            prim = prim.GetParent()
+        return fold(found)
+
+    def resets_below(self, prim: Usd.Prim, below: Usd.Prim) -> bool:
+        """Whether `prim` or a parent under `below` ignores its parents (resetXformStack)."""
+        while prim and not prim.IsPseudoRoot() and prim != below:
+            if self.own_level(prim)[1]:
+                return True
+            prim = prim.GetParent()
+        return False
