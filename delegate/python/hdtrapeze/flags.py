@@ -18,9 +18,10 @@ EXIT_CODES = f"""exit codes:
   {errors.EXIT_RENDER}    the scene cannot be rendered as asked, or the renderer failed
   {errors.EXIT_USAGE}    the command is wrong
   {errors.EXIT_IO}    a file is missing, cannot be read or cannot be written
-  {errors.EXIT_INTERRUPTED}  interrupted (Ctrl-C); {errors.EXIT_TERMINATED} where terminated. What was
-       rendered is kept beside the output as NAME.partial.exr or .png; the output itself is
-       only ever a complete frame.
+  {errors.EXIT_INTERRUPTED}  interrupted (Ctrl-C)
+  {errors.EXIT_TERMINATED}  terminated (SIGTERM)
+What an interrupted render had is kept beside the output as NAME.partial.exr or .png; the output
+itself is only ever a complete frame.
 """
 
 

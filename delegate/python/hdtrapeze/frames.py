@@ -52,7 +52,7 @@ class OutputPath:
         if frames is None:
             if self.placeholder:
                 raise UsageError(
-                    f"{self.path} has a frame placeholder but there is no frame range: add --frames."
+                    f"{self.path} has a frame placeholder, but there are no frames: add --frames."
                 )
             return
         if not self.placeholder:
