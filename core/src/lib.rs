@@ -12,8 +12,10 @@
 
 pub mod diagnostics;
 pub mod dice;
+pub mod film;
 pub mod grid;
 pub mod motion;
+pub mod sample;
 pub mod scene;
 pub mod surface;
 pub mod trace;

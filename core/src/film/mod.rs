@@ -1,0 +1,3 @@
+//! From samples to pixels.
+
+pub mod filter;
