@@ -1,4 +1,11 @@
 //! How long things are in raster space: pixels, at each output key of a path.
+//!
+//! **What the camera sees** is measured as it is projected, foreshortening included. **What it
+//! cannot see** (segments wholly beyond one side of the image, or nearer than the near depth) is
+//! measured by the angle under which it stands, which stays finite for geometry beside and behind
+//! the camera, and counts [`OFF_SCREEN`] times as much as it would in the image. A segment that
+//! pierces the near depth inside the image is measured as if it stood there: such segments are
+//! long, so dicing bisects them until their pieces are on one side or tiny.
 
 use glam::{DAffine3, DVec3, Mat3, Vec2, Vec3};
 
@@ -15,15 +22,42 @@ pub struct RasterView {
     pub orthographic: bool,
     /// Nearest depth used for measuring: things nearer are measured as if here. Positive.
     pub near: f32,
-    /// Raster size in pixels; what lies outside is diced more coarsely.
+    /// Raster size in pixels; what lies outside is diced more coarsely. Zero or less: there is no
+    /// outside.
     pub size: Vec2,
 }
+
+/// Weight of a pixel outside the image: dicing there is 8 times as coarse in each direction.
+pub const OFF_SCREEN: f32 = 1.0 / 8.0;
+
+/// The image is taken to reach this share of its half size further on each side...
+const MARGIN_SHARE: f32 = 0.1;
+/// ...and this many pixels: filters and the discs of slightly defocused points reach over the rim.
+const MARGIN_PIXELS: f32 = 16.0;
+
+/// Longest length reported, pixels: stands for overflow too.
+const LONGEST: f32 = 1.0e9;
+
+/// Half-spaces that a position lies outside of, as bits.
+const BEHIND: u8 = 1 << 4;
 
 #[derive(Clone, Copy, Debug)]
 struct LocalView {
     rotation: Mat3,
     translation: Vec3,
     view: RasterView,
+    /// Half extents of the image about the axis with the margin, pixels; infinite where there is
+    /// no outside. The larger of the two sides, so that it does not matter which way y points.
+    extent: Vec2,
+    /// Pixels per radian off screen.
+    angular: f32,
+}
+
+/// A position ready to be measured from.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Measured {
+    p: Vec3,
+    outside: u8,
 }
 
 /// Measures segments in pixels at each output key.
@@ -41,10 +75,18 @@ impl RasterMetric {
             .iter()
             .map(|view| {
                 let m = &view.world_to_camera;
+                let reach = view.centre.abs().max((view.size - view.centre).abs());
+                let bounded = view.size.min_element() > 0.0 && reach.is_finite();
                 LocalView {
                     rotation: m.matrix3.as_mat3(),
                     translation: m.transform_point3(origin).as_vec3(),
                     view: *view,
+                    extent: if bounded {
+                        reach * (1.0 + MARGIN_SHARE) + MARGIN_PIXELS
+                    } else {
+                        Vec2::INFINITY
+                    },
+                    angular: view.scale.max_element() * if bounded { OFF_SCREEN } else { 1.0 },
                 }
             })
             .collect();
@@ -63,27 +105,137 @@ impl RasterMetric {
         }
     }
 
-    /// Raster length of the segment from `a` to `b` at output key `key`, in pixels. Foreshortened
-    /// as seen, except nearer than the near depth, where depth is clamped. Never NaN.
+    /// Number of output keys that this metric knows; `None` where it measures all alike.
+    pub fn key_count(&self) -> Option<usize> {
+        (!self.views.is_empty()).then_some(self.views.len())
+    }
+
+    /// Raster length of the segment from `a` to `b` at output key `key`, in pixels: see the
+    /// module's text. Finite, and never NaN.
     pub fn length(&self, key: usize, a: Vec3, b: Vec3) -> f32 {
-        let Some(local) = self.views.get(key) else {
-            return (b - a).length() * self.uniform;
+        self.length_between(key, &self.measure(key, a), &self.measure(key, b))
+    }
+
+    /// Prepares a position at output key `key`, for use in several segments.
+    #[inline]
+    pub fn measure(&self, key: usize, p: Vec3) -> Measured {
+        match self.views.get(key) {
+            None => Measured { p, outside: 0 },
+            Some(local) => local.measure(p),
+        }
+    }
+
+    /// [`Self::length`] between prepared positions.
+    #[inline]
+    pub fn length_between(&self, key: usize, a: &Measured, b: &Measured) -> f32 {
+        let length = match self.views.get(key) {
+            None => (b.p - a.p).length() * self.uniform,
+            Some(local) => local.length(a, b),
         };
-        let (a, b) = (local.to_camera(a), local.to_camera(b));
-        let view = &local.view;
+        // Also where it is NaN.
+        if length < LONGEST { length } else { LONGEST }
+    }
+}
+
+impl LocalView {
+    fn measure(&self, p: Vec3) -> Measured {
+        let p = self.rotation * p + self.translation;
+        let depth = -p.z;
+        // The half-spaces are linear in p, so they hold behind the camera as well.
+        let reach = if self.view.orthographic {
+            self.extent
+        } else {
+            self.extent * depth
+        };
+        let q = p.truncate() * self.view.scale;
+        let mut outside = 0;
+        outside |= u8::from(q.x > reach.x);
+        outside |= u8::from(q.x < -reach.x) << 1;
+        outside |= u8::from(q.y > reach.y) << 2;
+        outside |= u8::from(q.y < -reach.y) << 3;
+        if !self.view.orthographic && depth < self.view.near {
+            outside |= BEHIND;
+        }
+        Measured { p, outside }
+    }
+
+    fn length(&self, a: &Measured, b: &Measured) -> f32 {
+        let view = &self.view;
+        let off_screen = a.outside & b.outside != 0;
+        let (a, b) = (a.p, b.p);
         if view.orthographic {
-            return ((b - a).truncate() * view.scale).length();
+            let weight = if off_screen { OFF_SCREEN } else { 1.0 };
+            return ((b - a).truncate() * view.scale).length() * weight;
+        }
+        if off_screen {
+            let (a, b) = (direction(a), direction(b));
+            return a.cross(b).length().atan2(a.dot(b)) * self.angular;
         }
         let (da, db) = (-a.z, -b.z);
         if da >= view.near && db >= view.near {
             return ((b.truncate() / db - a.truncate() / da) * view.scale).length();
         }
-        (b - a).length() * view.scale.max_element() / da.min(db).max(view.near)
+        (b - a).length() * view.scale.max_element() / view.near
     }
 }
 
-impl LocalView {
-    fn to_camera(self, p: Vec3) -> Vec3 {
-        self.rotation * p + self.translation
+/// Unit direction; zero at the camera. The first division keeps squares from overflowing.
+fn direction(p: Vec3) -> Vec3 {
+    let largest = p.abs().max_element();
+    if largest > 0.0 && largest.is_finite() {
+        (p / largest).normalize()
+    } else {
+        Vec3::ZERO
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn view() -> RasterView {
+        RasterView {
+            world_to_camera: DAffine3::IDENTITY,
+            scale: Vec2::splat(1000.0),
+            centre: Vec2::new(320.0, 240.0),
+            orthographic: false,
+            near: 0.1,
+            size: Vec2::new(640.0, 480.0),
+        }
+    }
+
+    #[test]
+    fn visible_segments_are_projected() {
+        let metric = RasterMetric::new(&[view()], DVec3::ZERO);
+        let a = Vec3::new(0.0, 0.0, -10.0);
+        let b = Vec3::new(1.0, 0.0, -10.0);
+        assert!((metric.length(0, a, b) - 100.0).abs() < 1.0e-3);
+        let deep = Vec3::new(0.0, 0.0, -1000.0);
+        assert!(metric.length(0, a, deep) < 1.0e-3);
+    }
+
+    #[test]
+    fn what_is_not_seen_is_an_angle() {
+        let metric = RasterMetric::new(&[view()], DVec3::ZERO);
+        // A quarter turn behind the camera.
+        let l = metric.length(0, Vec3::new(-3.0, 0.0, 3.0), Vec3::new(7.0, 0.0, 7.0));
+        assert!((l - std::f32::consts::FRAC_PI_2 * 125.0).abs() < 1.0e-2);
+        // To the left of the image, from before to behind the camera.
+        let l = metric.length(0, Vec3::new(-5.0, 0.0, -1.0), Vec3::new(-5.0, 0.0, 1.0));
+        assert!(l < 2.0 * 0.21 * 125.0);
+    }
+
+    #[test]
+    fn lengths_are_finite() {
+        let metric = RasterMetric::new(&[view()], DVec3::ZERO);
+        let wild = [0.0, 1.0, -1.0, 1.0e-30, 1.0e30, f32::MAX, f32::MIN];
+        for x in wild {
+            for z in wild {
+                for y in wild {
+                    let l = metric.length(0, Vec3::new(x, y, z), Vec3::new(y, z, x));
+                    assert!((0.0..=LONGEST).contains(&l), "{x} {y} {z}: {l}");
+                }
+            }
+        }
     }
 }

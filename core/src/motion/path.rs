@@ -67,6 +67,11 @@ impl PointPath {
         Self::new(point_key_times, point_key_times.to_vec(), &[], origin)
     }
 
+    /// Number of point keys that positions to map must have.
+    pub fn point_key_count(&self) -> usize {
+        self.point_key_count
+    }
+
     /// Output key times.
     pub fn key_times(&self) -> &[f32] {
         &self.key_times

@@ -1,0 +1,443 @@
+//! Dicing: closed meshes stay closed, rates hold, work stays bounded, bits do not depend on threads.
+
+mod analytic;
+
+use analytic::{Analytic, Bend};
+use glam::{DAffine3, DVec3, Vec2, Vec3};
+use hdtrapeze_core::dice::{DiceError, DiceInput, DiceOutput, RasterMetric, RasterView, dice};
+use hdtrapeze_core::grid::{DicedMesh, octahedral};
+use hdtrapeze_core::motion::PointPath;
+use hdtrapeze_core::surface::{ChannelInfo, LimitSurface};
+use proptest::prelude::*;
+use std::collections::HashMap;
+use std::sync::atomic::AtomicBool;
+
+/// A perspective camera at `eye`, looking at `target`, 640 by 480 pixels.
+fn camera(eye: Vec3, target: Vec3, pixels: f32) -> RasterView {
+    let forward = (target - eye).as_dvec3().try_normalize();
+    let forward = forward.unwrap_or(-DVec3::Z);
+    let up = if forward.cross(DVec3::Y).length() > 1.0e-3 {
+        DVec3::Y
+    } else {
+        DVec3::X
+    };
+    let right = forward.cross(up).normalize();
+    let rotation = glam::DMat3::from_cols(right, right.cross(forward), -forward).transpose();
+    RasterView {
+        world_to_camera: DAffine3::from_mat3_translation(rotation, -(rotation * eye.as_dvec3())),
+        scale: Vec2::splat(pixels),
+        centre: Vec2::new(320.0, 240.0),
+        orthographic: false,
+        near: 0.05,
+        size: Vec2::new(640.0, 480.0),
+    }
+}
+
+struct Setup {
+    surface: Analytic,
+    path: PointPath,
+    metric: RasterMetric,
+    rate: f32,
+    limit: u64,
+    coarse: bool,
+    normals: bool,
+}
+
+impl Setup {
+    fn new(surface: Analytic, view: RasterView, rate: f32) -> Self {
+        let keys = surface.keys.len();
+        let times: Vec<f32> = if keys == 1 {
+            vec![0.0]
+        } else {
+            (0..keys).map(|k| k as f32 / (keys - 1) as f32).collect()
+        };
+        Self {
+            surface,
+            path: PointPath::identity(&times, DVec3::ZERO),
+            metric: RasterMetric::new(&vec![view; keys], DVec3::ZERO),
+            rate,
+            limit: 4_000_000,
+            coarse: false,
+            normals: false,
+        }
+    }
+
+    fn try_dice(&self) -> Result<DiceOutput, DiceError> {
+        dice(&DiceInput {
+            surface: &self.surface,
+            path: &self.path,
+            metric: &self.metric,
+            shading_rate: self.rate,
+            with_normals: self.normals,
+            polygons_coarse: self.coarse,
+            max_micropolygons: self.limit,
+            cancel: &AtomicBool::new(false),
+        })
+    }
+
+    fn dice(&self) -> DiceOutput {
+        let output = self.try_dice().expect("dicing");
+        check_layout(&output.mesh, &self.surface);
+        output
+    }
+}
+
+fn check_layout(mesh: &DicedMesh, surface: &Analytic) {
+    let mut next = 0;
+    for grid in &mesh.grids {
+        assert_eq!(grid.first_vertex as usize, next);
+        assert!((1..=16).contains(&grid.nu) && (1..=16).contains(&grid.nv));
+        assert!((grid.element as usize) < surface.faces.len());
+        next += grid.vertex_count();
+    }
+    assert_eq!(mesh.vertex_count, next);
+    assert_eq!(mesh.positions.len(), next * mesh.key_count());
+    assert_eq!(mesh.normals.len(), next * mesh.normal_key_count);
+    assert_eq!(mesh.channels.len(), surface.channels.len());
+    for (channel, info) in mesh.channels.iter().zip(surface.channels()) {
+        assert_eq!(channel.values.len(), next * info.width);
+    }
+    assert!(mesh.positions.iter().all(|p| p.is_finite()));
+}
+
+/// Calls `f` with each micropolygon triangle at key `k`, corners ordered so that the diagonal is
+/// the last side.
+fn each_triangle(mesh: &DicedMesh, k: usize, mut f: impl FnMut([Vec3; 3])) {
+    for (g, grid) in mesh.grids.iter().enumerate() {
+        let at = mesh.grid_positions(g, k);
+        let row = grid.nu as usize + 1;
+        for j in 0..grid.nv as usize {
+            for i in 0..grid.nu as usize {
+                let v = j * row + i;
+                f([at[v], at[v + 1], at[v + row + 1]]);
+                f([at[v + row + 1], at[v + row], at[v]]);
+            }
+        }
+    }
+}
+
+/// Directed triangle edges, by position bits, that their reverses do not match.
+fn open_edges(mesh: &DicedMesh, k: usize) -> usize {
+    type Bits = [u32; 3];
+    let bits = |p: Vec3| p.to_array().map(|x| (x + 0.0).to_bits());
+    let mut balance: HashMap<(Bits, Bits), i64> = HashMap::new();
+    each_triangle(mesh, k, |t| {
+        let t = t.map(bits);
+        if t[0] == t[1] || t[1] == t[2] || t[2] == t[0] {
+            return;
+        }
+        for e in 0..3 {
+            let (a, b) = (t[e], t[(e + 1) % 3]);
+            if a < b {
+                *balance.entry((a, b)).or_default() += 1;
+            } else {
+                *balance.entry((b, a)).or_default() -= 1;
+            }
+        }
+    });
+    balance.values().filter(|&&n| n != 0).count()
+}
+
+fn assert_closed(output: &DiceOutput) {
+    for k in 0..output.mesh.key_count() {
+        assert_eq!(open_edges(&output.mesh, k), 0, "key {k}");
+    }
+}
+
+fn meshes() -> Vec<Analytic> {
+    let mut list = vec![
+        Analytic::cube(1, Bend::Sphere, |_| false),
+        Analytic::cube(2, Bend::Sphere, |f| f % 3 == 0),
+        Analytic::cube(3, Bend::None, |f| f % 2 == 0),
+        Analytic::prism(5, false, Bend::Sphere),
+        Analytic::prism(7, true, Bend::None),
+        Analytic::prism(3, true, Bend::Waves(0.2)),
+        Analytic::prism(4, false, Bend::Waves(0.3)),
+        Analytic::cube(8, Bend::Sphere, |f| f % 5 == 0),
+    ];
+    list[1].keys = vec![(1.0, Vec3::ZERO), (1.5, Vec3::new(0.5, 0.0, -0.3))];
+    list[3].keys = vec![
+        (1.0, Vec3::ZERO),
+        (0.3, Vec3::X),
+        (2.0, Vec3::new(0.0, 1.0, 3.0)),
+    ];
+    list
+}
+
+#[test]
+fn closed_meshes_stay_closed() {
+    for mesh in meshes() {
+        for rate in [0.7, 3.0, 11.0, 60.0] {
+            let view = camera(Vec3::new(2.5, 1.0, 3.0), Vec3::ZERO, 300.0);
+            let output = Setup::new(mesh.clone(), view, rate).dice();
+            assert!(!output.coarsened && output.dropped_faces == 0);
+            assert_closed(&output);
+        }
+    }
+}
+
+#[test]
+fn the_closed_test_can_fail() {
+    let view = camera(Vec3::new(2.5, 1.0, 3.0), Vec3::ZERO, 300.0);
+    let mesh = Analytic::cube(2, Bend::Sphere, |_| false);
+    let mut output = Setup::new(mesh, view, 5.0).dice();
+    let p = &mut output.mesh.positions[1];
+    p.x = p.x.next_up();
+    assert!(open_edges(&output.mesh, 0) > 0);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(60))]
+
+    /// Any camera, inside and outside and through the surface, at any rate.
+    #[test]
+    fn closed_from_anywhere(
+        which in 0usize..8,
+        eye in prop::array::uniform3(-2.0f32..2.0),
+        target in prop::array::uniform3(-1.0f32..1.0),
+        pixels in 20.0f32..400.0,
+        log_rate in 0.0f32..5.0,
+    ) {
+        let mesh = meshes().swap_remove(which);
+        let view = camera(eye.into(), target.into(), pixels);
+        let mut setup = Setup::new(mesh, view, log_rate.exp());
+        setup.limit = 400_000;
+        let output = setup.dice();
+        prop_assert_eq!(output.dropped_faces, 0);
+        prop_assert!(output.mesh.cell_count() <= 400_000);
+        for k in 0..output.mesh.key_count() {
+            prop_assert_eq!(open_edges(&output.mesh, k), 0);
+        }
+    }
+}
+
+/// Raster lengths of all cell edges that have a length, longest first, and the raster area.
+fn raster(output: &DiceOutput, metric: &RasterMetric, view: &RasterView) -> (Vec<f32>, f64) {
+    let mut lengths = Vec::new();
+    let mut area = 0.0f64;
+    let project = |p: Vec3| {
+        let p = view.world_to_camera.transform_point3(p.as_dvec3());
+        p.truncate() / -p.z * view.scale.as_dvec2()
+    };
+    each_triangle(&output.mesh, 0, |[a, b, c]| {
+        lengths.push(metric.length(0, a, b));
+        lengths.push(metric.length(0, b, c));
+        let (a, b, c) = (project(a), project(b), project(c));
+        area += 0.5 * (b - a).perp_dot(c - a).abs();
+    });
+    lengths.sort_by(|a, b| b.total_cmp(a));
+    (lengths, area)
+}
+
+#[test]
+fn rates_hold() {
+    for (mesh, most) in [
+        (Analytic::plane(1, 1.0, Bend::None), 1.6),
+        (Analytic::plane(7, 1.0, Bend::Waves(0.1)), 2.0),
+        (Analytic::cube(2, Bend::Sphere, |_| false), 3.0),
+        (Analytic::cube(2, Bend::Sphere, |_| true), 4.0),
+        (Analytic::prism(7, true, Bend::Sphere), 4.0),
+    ] {
+        for rate in [1.0, 2.5, 9.0] {
+            let view = camera(Vec3::new(0.3, 6.0, 0.5), Vec3::ZERO, 900.0);
+            let setup = Setup::new(mesh.clone(), view, rate);
+            let output = setup.dice();
+            let (lengths, area) = raster(&output, &setup.metric, &view);
+            let longest = lengths[0] / rate;
+            let count = output.mesh.cell_count() as f64;
+            let ratio = count * f64::from(rate * rate) / area;
+            println!("rate {rate}: longest {longest}, cells over area {ratio}");
+            assert!(longest < 1.9, "longest {longest} at {rate}");
+            let long = lengths.iter().filter(|&&l| l > 1.5 * rate).count();
+            assert!(long * 200 < lengths.len(), "{long} of {}", lengths.len());
+            assert!((0.5..most).contains(&ratio), "{ratio} at {rate}");
+        }
+    }
+}
+
+#[test]
+fn a_plane_to_the_horizon_is_bounded() {
+    for n in [1, 6] {
+        for half in [10.0, 1000.0, 1.0e6] {
+            for target in [Vec3::new(0.0, 0.9, -1.0), Vec3::new(0.3, 0.5, -1.0)] {
+                let view = camera(Vec3::new(0.0, 1.0, 0.0), target, 640.0);
+                let mesh = Analytic::plane(n, half, Bend::None);
+                let setup = Setup::new(mesh, view, 1.0);
+                let output = setup.dice();
+                let count = output.mesh.cell_count();
+                println!(
+                    "{n} {half}: {count}, {} evaluations",
+                    output.limit_evaluations
+                );
+                assert!(!output.coarsened && count < 1_500_000, "{count}");
+            }
+        }
+    }
+    // The camera inside the plane, and a hair above.
+    for height in [0.0, 1.0e-4, 0.01] {
+        let view = camera(
+            Vec3::new(0.0, height, 0.0),
+            Vec3::new(0.1, -0.3, -1.0),
+            640.0,
+        );
+        let mesh = Analytic::plane(1, 100.0, Bend::None);
+        let output = Setup::new(mesh, view, 1.0).dice();
+        let count = output.mesh.cell_count();
+        println!("height {height}: {count}");
+        assert!(count < 1_500_000, "{count}");
+    }
+}
+
+#[test]
+fn threads_do_not_change_bits() {
+    let mut mesh = meshes().swap_remove(1);
+    mesh.channels = vec![ChannelInfo { width: 3 }];
+    let view = camera(Vec3::new(0.5, 0.8, 1.4), Vec3::ZERO, 500.0);
+    let mut setup = Setup::new(mesh, view, 2.0);
+    setup.normals = true;
+    let with = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        pool.expect("threads").install(|| setup.dice())
+    };
+    let one = with(1);
+    for threads in [2, 3, 8] {
+        let many = with(threads);
+        assert!(one.mesh == many.mesh, "{threads}");
+        assert_eq!(one.limit_evaluations, many.limit_evaluations);
+    }
+}
+
+#[test]
+fn small_faces_are_cheap() {
+    let mesh = Analytic::cube(60, Bend::Sphere, |_| false);
+    let faces = mesh.faces.len();
+    let view = camera(Vec3::new(0.0, 2.0, 8.0), Vec3::ZERO, 100.0);
+    let mut setup = Setup::new(mesh, view, 1.0);
+    setup.normals = true;
+    let output = setup.dice();
+    assert_eq!(output.mesh.cell_count(), faces);
+    let each = output.limit_evaluations as f64 / faces as f64;
+    assert!(each < 10.5, "{each} evaluations a face");
+    assert_closed(&output);
+}
+
+#[test]
+fn polygons_stay_coarse() {
+    for mut mesh in [
+        Analytic::cube(2, Bend::None, |f| f % 2 == 0),
+        Analytic::prism(5, false, Bend::None),
+    ] {
+        mesh.polygonal = true;
+        let cells: usize = mesh
+            .faces
+            .iter()
+            .map(|f| if f.len() > 4 { f.len() } else { 1 })
+            .sum();
+        let view = camera(Vec3::new(0.5, 0.8, 4.0), Vec3::ZERO, 2000.0);
+        let mut setup = Setup::new(mesh, view, 1.0);
+        setup.coarse = true;
+        let output = setup.dice();
+        assert_eq!(output.mesh.cell_count(), cells);
+        assert_closed(&output);
+    }
+}
+
+#[test]
+fn the_budget_coarsens() {
+    let view = camera(Vec3::new(0.5, 0.8, 4.0), Vec3::ZERO, 1000.0);
+    let mut setup = Setup::new(Analytic::cube(2, Bend::Sphere, |_| false), view, 0.25);
+    setup.limit = 20_000;
+    let output = setup.dice();
+    assert!(output.coarsened && output.shading_rate > 0.25);
+    let count = output.mesh.cell_count();
+    assert!((3_000..=20_000).contains(&count), "{count}");
+    assert_closed(&output);
+    // Even a budget that cannot be met ends: one cell a patch.
+    setup.limit = 0;
+    assert_eq!(setup.dice().mesh.cell_count(), 24);
+}
+
+#[test]
+fn bad_faces_are_dropped() {
+    let mut mesh = Analytic::cube(4, Bend::None, |_| false);
+    let mut alone = mesh.clone();
+    mesh.points[7].x = f32::NAN;
+    let touched = mesh.faces.iter().filter(|f| f.contains(&7)).count() as u64;
+    let view = camera(Vec3::new(0.5, 0.8, 4.0), Vec3::ZERO, 300.0);
+    let output = Setup::new(mesh, view, 3.0).dice();
+    // The face that a shared vertex or edge is evaluated from may be among them: then its
+    // neighbours go too.
+    assert!((touched..=touched + 12).contains(&output.dropped_faces));
+    assert!(output.mesh.cell_count() > 1000);
+    // Faces that are no faces, and wild ones.
+    alone.faces.push(vec![]);
+    alone.faces.push(vec![1, 2]);
+    alone.faces.push(vec![1, 1, 1]);
+    alone.faces.push(vec![1, 2, 1, 2]);
+    alone.points[9] = Vec3::splat(1.0e38);
+    alone.points[11] = Vec3::splat(-1.0e25);
+    let mut setup = Setup::new(alone, view, 3.0);
+    setup.limit = 100_000;
+    setup.normals = true;
+    let output = setup.dice();
+    assert!(output.mesh.cell_count() <= 100_000);
+}
+
+#[test]
+fn normals_and_channels_belong_to_their_vertices() {
+    let mut mesh = Analytic::cube(2, Bend::Sphere, |f| f % 3 == 0);
+    mesh.channels = vec![ChannelInfo { width: 3 }, ChannelInfo { width: 1 }];
+    let view = camera(Vec3::new(0.5, 0.8, 4.0), Vec3::ZERO, 300.0);
+    let mut setup = Setup::new(mesh, view, 4.0);
+    setup.normals = true;
+    let mesh = setup.dice().mesh;
+    assert_eq!(mesh.normal_key_count, 1);
+    // A sphere: normal, position and flat position are parallel, but for vertices copied from the
+    // end of an inner curve, which may be half a step off.
+    let (mut far, mut total) = (0, 0);
+    for (g, grid) in mesh.grids.iter().enumerate() {
+        let n = grid.vertex_count();
+        let first = grid.first_vertex as usize;
+        for i in 0..n {
+            let p = mesh.grid_positions(g, 0)[i];
+            let normal = octahedral::decode(mesh.grid_normals(g, 0)[i]);
+            let flat = Vec3::from_slice(&mesh.channels[0].values[(first + i) * 3..]).normalize();
+            assert_eq!(
+                mesh.channels[1].values[first + i],
+                mesh.channels[0].values[(first + i) * 3]
+            );
+            total += 1;
+            assert!((normal - flat).length() < 3.0e-4);
+            far += usize::from((normal - p).length() > 3.0e-4);
+            assert!(setup.metric.length(0, flat, p) < 0.8 * setup.rate);
+        }
+    }
+    assert!(far * 50 < total, "{far} of {total}");
+}
+
+#[test]
+fn wrong_keys_and_rates_are_refused() {
+    let view = camera(Vec3::new(0.5, 0.8, 4.0), Vec3::ZERO, 300.0);
+    let mut setup = Setup::new(Analytic::cube(2, Bend::Sphere, |_| false), view, f32::NAN);
+    assert_eq!(setup.try_dice().err(), Some(DiceError::ShadingRate));
+    setup.rate = 1.0;
+    setup.metric = RasterMetric::new(&[view, view], DVec3::ZERO);
+    assert_eq!(setup.try_dice().err(), Some(DiceError::KeyCount));
+}
+
+#[test]
+fn cancel_is_heard() {
+    let view = camera(Vec3::new(0.5, 0.8, 4.0), Vec3::ZERO, 300.0);
+    let setup = Setup::new(Analytic::cube(2, Bend::Sphere, |_| false), view, 1.0);
+    let result = dice(&DiceInput {
+        surface: &setup.surface,
+        path: &setup.path,
+        metric: &setup.metric,
+        shading_rate: 1.0,
+        with_normals: false,
+        polygons_coarse: false,
+        max_micropolygons: 1 << 30,
+        cancel: &AtomicBool::new(true),
+    });
+    assert_eq!(result.err(), Some(DiceError::Cancelled));
+}
