@@ -1,9 +1,20 @@
 //! Rays with time against the world: two-level traversal and watertight micropolygon tests.
 //!
-//! Space: rays are world space relative to [`World`](crate::trace)'s origin (f64, near the camera),
+//! Space: rays are world space relative to [`World::origin`] (f64, near the camera),
 //! in f32. `time` is in [0, 1] across the shutter; `t` is distance along the ray in units of
 //! `dir`'s length. Instances carry f64 transforms that are reduced to f32 after the world origin was
 //! subtracted.
+
+pub mod brute;
+pub mod cell;
+pub mod instance;
+pub mod object_ray;
+pub mod shading;
+mod traverse;
+pub mod world;
+
+pub use instance::InstanceTransform;
+pub use world::{World, WorldInstance, WorldStats};
 
 use glam::Vec3;
 

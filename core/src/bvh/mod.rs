@@ -1,0 +1,50 @@
+//! The hyper-trapezoid BVH: slabs whose bounds are linear in time, over micropolygon grids.
+//!
+//! `grid` -> **`bvh`** -> `trace`. After Hou et al., "Micropolygon Ray Tracing with Defocus and
+//! Motion Blur", ACM TOG 29(4), 2010, section 4; the wide shape after Wald et al., "Getting Rid of
+//! Packets", RT 2008, and the linear bounds of several keys after Embree.
+//!
+//! **The central invariant.** For every axis `a` of a node's frame and every time in [0, 1], each
+//! micropolygon vertex `P` below a child satisfies `lo(time) <= a.P(time) <= hi(time)` in exact
+//! arithmetic, where `lo(time) = lo(0) + (lo(1) - lo(0)) time`, the same for `hi`, and `a` is the
+//! axis as stored. Micropolygons are triangles of such vertices, so they are contained too.
+//!
+//! **Why it holds.** The largest of several functions that are linear in time lies below its chord;
+//! so on one fixed set of axes, bounds at both ends, interpolated, contain all vertices that move
+//! linearly between. Vertices with more keys move linearly between neighbouring keys; the chord
+//! over the whole shutter is raised by its largest excess at an inner key ([`linear`]).
+//!
+//! **Shape.** A grid is cut into *blocks* of up to 8x8 micropolygons ([`block`]). A block is one node
+//! with 8 implicit children, each a *group* of up to 4x2 micropolygons: no pointers. Over blocks
+//! stands a tree of 8-wide nodes ([`build`]), built by binned SAH on the time-averaged area. The 8
+//! children of a node share one frame ([`frame`]): the identity (an AABB) or a rotation, chosen
+//! where surface-area cost says that it pays. What does not move stores no second bounds: all nodes
+//! are generic over [`node::Bounds8`].
+//!
+//! **Units.** Bounds are in the space of [`DicedMesh`](crate::grid::DicedMesh)'s positions for objects,
+//! and in world space relative to the world origin for the tree over instances.
+
+pub mod block;
+pub mod build;
+pub mod frame;
+pub mod linear;
+pub mod node;
+pub mod object;
+
+pub use build::Tree;
+pub use frame::Frame;
+pub use linear::LinearBox;
+pub use node::{Bounds8, LinearSlabs, Node, StaticSlabs};
+pub use object::{BvhStats, ObjectGeometry};
+
+/// Unit roundoff of f32: `|fl(x) - x| <= U |x|`.
+pub const U: f32 = 1.0 / (1 << 24) as f32;
+
+/// Largest magnitude of a coordinate that is traced. Products of two differences of coordinates
+/// stay below f32's largest number, 2^128. Blocks beyond are dropped, and counted.
+pub const COORDINATE_LIMIT: f32 = (1u64 << 60) as f32;
+
+/// What bounds in a rotated frame are widened by, in units of `U * sum |P_i|` of the vertex at hand.
+/// The dot product of three terms in f32 errs by at most `3 U sum |a_i P_i|` and terms of order
+/// `U^2`, and `|a_i| <= 1 + 4 U`; 4 covers both.
+pub const ROTATION_PAD: f32 = 4.0 * U;

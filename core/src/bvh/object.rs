@@ -1,0 +1,212 @@
+//! One object, ready to be traced: its diced mesh and the tree over its blocks.
+//!
+//! Shared by `Arc` between instances.
+
+use rayon::prelude::*;
+
+use super::block::{self, Block, BuiltBlock, Span};
+use super::build::{self, Tree};
+use super::{Bounds8, Frame, LinearBox, LinearSlabs, StaticSlabs};
+use crate::grid::DicedMesh;
+
+/// Tree and blocks of one object.
+#[derive(Clone, Debug)]
+pub struct BlockTree<B> {
+    /// Tree over blocks. Blocks use its frames too.
+    pub tree: Tree<B>,
+    /// Blocks, in the order of grids.
+    pub blocks: Vec<Block<B>>,
+}
+
+/// The tree of an object: of the static kind when no vertex has more than one key.
+#[derive(Clone, Debug)]
+pub enum Blas {
+    /// Nothing moves.
+    Static(BlockTree<StaticSlabs>),
+    /// Bounds are linear in time.
+    Moving(BlockTree<LinearSlabs>),
+}
+
+/// What a tree holds, in numbers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct BvhStats {
+    /// Inner nodes above blocks, or above instances.
+    pub nodes: u64,
+    /// Inner nodes with a rotated frame.
+    pub oriented_nodes: u64,
+    /// Blocks.
+    pub blocks: u64,
+    /// Blocks with a rotated frame.
+    pub oriented_blocks: u64,
+    /// Micropolygons.
+    pub cells: u64,
+    /// Grids that were left out: a vertex was not finite or absurdly far, or indices pointed nowhere.
+    pub dropped_grids: u64,
+    /// Bytes of nodes, blocks and frames.
+    pub bvh_bytes: u64,
+    /// Bytes of positions, normals, channels and grids.
+    pub mesh_bytes: u64,
+}
+
+impl BvhStats {
+    /// Adds up two.
+    #[must_use]
+    pub fn plus(&self, o: &BvhStats) -> BvhStats {
+        BvhStats {
+            nodes: self.nodes + o.nodes,
+            oriented_nodes: self.oriented_nodes + o.oriented_nodes,
+            blocks: self.blocks + o.blocks,
+            oriented_blocks: self.oriented_blocks + o.oriented_blocks,
+            cells: self.cells + o.cells,
+            dropped_grids: self.dropped_grids + o.dropped_grids,
+            bvh_bytes: self.bvh_bytes + o.bvh_bytes,
+            mesh_bytes: self.mesh_bytes + o.mesh_bytes,
+        }
+    }
+}
+
+/// A diced mesh with its tree.
+#[derive(Clone, Debug)]
+pub struct ObjectGeometry {
+    mesh: DicedMesh,
+    blas: Blas,
+    bounds: LinearBox,
+    radius: f32,
+    stats: BvhStats,
+}
+
+impl ObjectGeometry {
+    /// Builds the tree over a mesh, in parallel. Grids that cannot be traced (a vertex not finite, an
+    /// index out of range) are left out and counted in [`BvhStats::dropped_grids`].
+    pub fn new(mesh: DicedMesh) -> Self {
+        let mut spans: Vec<Span> = Vec::new();
+        let mut dropped: u64 = 0;
+        let usable = !mesh.key_times.is_empty()
+            && mesh.positions.len() >= mesh.vertex_count * mesh.key_count()
+            && mesh.key_times.windows(2).all(|w| w[0] < w[1])
+            && (mesh.key_count() == 1
+                || mesh.key_times.first() == Some(&0.0) && mesh.key_times.last() == Some(&1.0));
+        for (g, grid) in mesh.grids.iter().enumerate() {
+            if usable && block::is_sound(&mesh, grid) {
+                spans.extend(block::cut(g as u32, grid));
+            } else {
+                dropped += 1;
+            }
+        }
+        let mut stats = BvhStats {
+            cells: mesh.cell_count() as u64,
+            mesh_bytes: mesh_bytes(&mesh),
+            dropped_grids: dropped,
+            ..BvhStats::default()
+        };
+        let (blas, bounds, radius) = if mesh.is_moving() {
+            let (tree, bounds, radius) = build_blocks(&mesh, spans, &mut stats);
+            (Blas::Moving(tree), bounds, radius)
+        } else {
+            let (tree, bounds, radius) = build_blocks(&mesh, spans, &mut stats);
+            (Blas::Static(tree), bounds, radius)
+        };
+        Self {
+            mesh,
+            blas,
+            bounds,
+            radius,
+            stats,
+        }
+    }
+
+    /// The mesh.
+    pub fn mesh(&self) -> &DicedMesh {
+        &self.mesh
+    }
+    /// The tree.
+    pub fn blas(&self) -> &Blas {
+        &self.blas
+    }
+    /// Axis-aligned bounds of all micropolygons over time, in the mesh's space relative to its
+    /// origin; [`LinearBox::EMPTY`] when there are none.
+    pub fn bounds(&self) -> &LinearBox {
+        &self.bounds
+    }
+    /// Largest magnitude of any coordinate or stored bound, 0 when there are none: the scale that
+    /// rounding errors are measured by.
+    pub fn radius(&self) -> f32 {
+        self.radius
+    }
+    /// True when nothing can be hit.
+    pub fn is_empty(&self) -> bool {
+        self.stats.blocks == 0
+    }
+    /// Numbers about the tree.
+    pub fn stats(&self) -> &BvhStats {
+        &self.stats
+    }
+}
+
+fn mesh_bytes(mesh: &DicedMesh) -> u64 {
+    let channels: usize = mesh
+        .channels
+        .iter()
+        .map(|c| size_of_val(c.values.as_slice()))
+        .sum();
+    (size_of_val(mesh.positions.as_slice())
+        + size_of_val(mesh.normals.as_slice())
+        + size_of_val(mesh.grids.as_slice())
+        + channels) as u64
+}
+
+fn build_blocks<B: Bounds8>(
+    mesh: &DicedMesh,
+    spans: Vec<Span>,
+    stats: &mut BvhStats,
+) -> (BlockTree<B>, LinearBox, f32) {
+    let built: Vec<Option<BuiltBlock<B>>> = spans
+        .par_iter()
+        .with_min_len(64)
+        .map(|&span| block::bound(mesh, span))
+        .collect();
+    // A grid is traced whole or not at all.
+    let mut bad: Vec<u32> = spans
+        .iter()
+        .zip(&built)
+        .filter(|(_, b)| b.is_none())
+        .map(|(s, _)| s.grid)
+        .collect();
+    bad.dedup();
+    stats.dropped_grids += bad.len() as u64;
+
+    let mut blocks = Vec::with_capacity(built.len());
+    let mut boxes = Vec::with_capacity(built.len());
+    let mut frames: Vec<Frame> = vec![Frame::IDENTITY];
+    let mut bounds = LinearBox::EMPTY;
+    let mut radius: f32 = 0.0;
+    for b in built.into_iter().flatten() {
+        if bad.binary_search(&b.block.span.grid).is_ok() {
+            continue;
+        }
+        let mut block = b.block;
+        if let Some(frame) = b.frame {
+            block.frame = frames.len() as u32;
+            frames.push(frame);
+        }
+        boxes.push((blocks.len() as u32, b.aabb));
+        blocks.push(block);
+        bounds = bounds.union(&b.aabb);
+        radius = radius.max(b.max_abs);
+    }
+    stats.oriented_blocks = frames.len() as u64 - 1;
+    let mut tree: Tree<B> = build::build(boxes);
+    tree.frames = frames;
+    // Raised bounds of different children union to no more than the root's; oriented ones may reach
+    // farther than any vertex, and are part of the radius.
+    radius = radius.max(if blocks.is_empty() {
+        0.0
+    } else {
+        bounds.max_abs()
+    });
+    stats.nodes = tree.nodes.len() as u64;
+    stats.oriented_nodes = tree.nodes.iter().filter(|n| n.frame != 0).count() as u64;
+    stats.blocks = blocks.len() as u64;
+    stats.bvh_bytes = (tree.bytes() + size_of_val(blocks.as_slice())) as u64;
+    (BlockTree { tree, blocks }, bounds, radius)
+}

@@ -1,0 +1,117 @@
+//! A ray in the space of one object, prepared once for slab tests and micropolygon tests.
+//!
+//! **The pad of slab tests.** A micropolygon test (see [`super::cell`]) accepts exactly those triangles
+//! whose *rounded*, translated, sheared vertices contain the ray. The slab tests must never cull one
+//! of them, whatever was rounded, so near planes come nearer and far planes go farther by
+//! `SLAB_PAD * (|origin| + radius)`. Its derivation, in units of `U S` with `U = 2^-24`,
+//! `S = max |origin_i| + radius`, where `radius` bounds every coordinate of the object's vertices
+//! and every stored bound:
+//!
+//! - a vertex at the ray's time: the fraction between keys errs by 3 (two differences, a quotient)
+//!   of a step of up to 2 radii: 6; its interpolation by 5; the translation by 1; the shear by 4 (the
+//!   slope, a product, a difference of up to 2 S): 16 an axis, 27.8 as a length;
+//! - `t` is rounded once, over a distance of at most sqrt(3) S: 1.8;
+//! - the turned origin, three products: 5.2; the turned direction, the same at distance `t`, and its
+//!   clamping (below): 7;
+//! - the interpolated bound, of up to sqrt(3) radii: 8.7; adding the pad, subtracting the origin: 3.5;
+//! - the reciprocal and the product, relative 3 of sqrt(3) S: 5.2.
+//!
+//! The sum is 59.2; [`SLAB_PAD`] is 64, which leaves room for terms of order `U^2`. So for an accepted
+//! hit at `t`, every axis of every node above it answers `near <= t <= far` in f32, and hits found do
+//! not depend on the order of traversal.
+//!
+//! **Directions near zero.** A component of the turned direction smaller than `U max |dir|` is
+//! replaced by that, with its sign: over the distance of a hit the ray moves by no more than `U` of
+//! it, which the pad contains; reciprocals are finite and no rule for 0 times infinity is needed.
+
+use std::ops::RangeInclusive;
+
+use glam::Vec3;
+
+use crate::bvh::node::SlabRay;
+use crate::bvh::{Frame, U};
+
+/// Pad of slab tests per unit of `|origin| + radius`; derived in the module's text.
+pub const SLAB_PAD: f32 = 64.0 * U;
+
+/// Smallest and largest magnitude of a direction's largest component. In between, reciprocals of
+/// clamped components (2^24 larger at most) are finite. Rays beyond are answered as misses.
+pub const DIR_RANGE: RangeInclusive<f32> = 1.0 / (1u64 << 60) as f32..=(1u64 << 60) as f32;
+
+/// Directions and origin of a ray in an object's space, and what every test derives from them.
+#[derive(Clone, Copy, Debug)]
+pub struct ObjectRay {
+    /// Origin.
+    pub origin: Vec3,
+    /// Direction; `t` is in its units.
+    pub dir: Vec3,
+    /// Instant in [0, 1].
+    pub time: f32,
+    /// What slab tests are padded by.
+    pub pad: f32,
+    /// The ray in the identity frame.
+    pub slab: SlabRay,
+    smallest_dir: f32,
+}
+
+impl ObjectRay {
+    /// Prepares a ray against an object of `radius`; `pad_scale` is [`SLAB_PAD`] or more. None for
+    /// a ray that is not finite, has no direction, or is beyond the limits.
+    #[inline]
+    pub fn new(origin: Vec3, dir: Vec3, time: f32, radius: f32, pad_scale: f32) -> Option<Self> {
+        let reach = origin.abs().max_element();
+        let longest = dir.abs().max_element();
+        // Written so that NaN fails; NaN in one component may pass a maximum, so all are asked.
+        let sound = reach < crate::bvh::COORDINATE_LIMIT
+            && DIR_RANGE.contains(&longest)
+            && origin.is_finite()
+            && dir.is_finite();
+        if !sound {
+            return None;
+        }
+        let pad = (reach + radius) * pad_scale;
+        let smallest_dir = longest * U;
+        Some(Self {
+            origin,
+            dir,
+            time,
+            pad,
+            slab: slab_ray(origin, dir, pad, smallest_dir),
+            smallest_dir,
+        })
+    }
+
+    /// The ray turned into a node's frame.
+    #[inline(always)]
+    pub fn turned(&self, frame: &Frame) -> SlabRay {
+        slab_ray(
+            frame.turn(self.origin),
+            frame.turn(self.dir),
+            self.pad,
+            self.smallest_dir,
+        )
+    }
+}
+
+#[inline(always)]
+fn slab_ray(origin: Vec3, dir: Vec3, pad: f32, smallest_dir: f32) -> SlabRay {
+    let mut ray = SlabRay {
+        near_origin: [0.0; 3],
+        far_origin: [0.0; 3],
+        inv_dir: [0.0; 3],
+        near_side: [0; 3],
+    };
+    for a in 0..3 {
+        let d = if dir[a].abs() < smallest_dir {
+            smallest_dir.copysign(dir[a])
+        } else {
+            dir[a]
+        };
+        let pad = pad.copysign(d);
+        ray.near_origin[a] = origin[a] + pad;
+        ray.far_origin[a] = origin[a] - pad;
+        ray.inv_dir[a] = 1.0 / d;
+        ray.near_side[a] = usize::from(d < 0.0);
+    }
+    ray
+}

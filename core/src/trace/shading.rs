@@ -1,0 +1,178 @@
+//! What shading asks about a hit: positions, normals and channels, at any time of the shutter.
+//!
+//! Everything is in world space relative to the world's origin. All accessors take a hit that this world
+//! answered; for a miss they answer `None`.
+
+use glam::{DVec3, Vec3};
+
+use super::instance::normal_matrix;
+use super::world::{Instance, World, clamp_time};
+use super::{Hit, Ray};
+use crate::bvh::ObjectGeometry;
+use crate::grid::{DicedMesh, lerp_position, locate_key, octahedral};
+
+/// Weights of a cell's corners `(i,j) (i+1,j) (i+1,j+1) (i,j+1)` at a hit; one of them is 0.
+pub fn corner_weights(u: f32, v: f32) -> [f32; 4] {
+    if u >= v {
+        [1.0 - u, u - v, v, 0.0]
+    } else {
+        [1.0 - v, 0.0, u, v - u]
+    }
+}
+
+impl World {
+    fn hit_instance(&self, hit: &Hit) -> Option<&Instance> {
+        self.instances.get(hit.instance as usize)
+    }
+
+    /// The object that was hit.
+    pub fn object(&self, hit: &Hit) -> Option<&ObjectGeometry> {
+        self.hit_instance(hit).map(|i| &*i.object)
+    }
+
+    /// The caller's number of the instance that was hit.
+    pub fn user(&self, hit: &Hit) -> Option<u32> {
+        self.hit_instance(hit).map(|i| i.user)
+    }
+
+    /// The authored face that was hit.
+    pub fn element(&self, hit: &Hit) -> Option<u32> {
+        let mesh = self.object(hit)?.mesh();
+        mesh.grids.get(hit.grid as usize).map(|g| g.element)
+    }
+
+    /// The cell's corners `(i,j) (i+1,j) (i+1,j+1) (i,j+1)` at `time`.
+    pub fn cell_vertices(&self, hit: &Hit, time: f32) -> Option<[Vec3; 4]> {
+        let instance = self.hit_instance(hit)?;
+        let time = clamp_time(time);
+        let p = cell_positions(instance.object.mesh(), hit, time)?;
+        let m = instance.place.to_world(time);
+        Some(p.map(|p| m.transform_point3(p.as_dvec3()).as_vec3()))
+    }
+
+    /// Where the point that was hit is at `time`: at the ray's own time, the hit point, on the surface
+    /// rather than on the ray.
+    pub fn position(&self, hit: &Hit, time: f32) -> Option<Vec3> {
+        let instance = self.hit_instance(hit)?;
+        let time = clamp_time(time);
+        let p = cell_positions(instance.object.mesh(), hit, time)?;
+        let w = corner_weights(hit.u, hit.v);
+        let p = (0..4).fold(DVec3::ZERO, |s, i| s + p[i].as_dvec3() * f64::from(w[i]));
+        Some(instance.place.to_world(time).transform_point3(p).as_vec3())
+    }
+
+    /// Unit normal of the triangle that was hit, at `time`, in the direction of `dP/du x dP/dv` of the
+    /// lattice (carried through mirroring transforms, so that it keeps its side). Zero for a
+    /// triangle without area.
+    pub fn geometric_normal(&self, hit: &Hit, time: f32) -> Option<Vec3> {
+        let instance = self.hit_instance(hit)?;
+        let time = clamp_time(time);
+        let p = cell_positions(instance.object.mesh(), hit, time)?.map(Vec3::as_dvec3);
+        let n = if hit.u >= hit.v {
+            (p[1] - p[0]).cross(p[2] - p[0])
+        } else {
+            (p[2] - p[0]).cross(p[3] - p[0])
+        };
+        let m = instance.place.to_world(time);
+        // Scaled first: areas of small cells must not underflow.
+        let n = n.normalize_or_zero();
+        Some(
+            (normal_matrix(&m.matrix3) * n)
+                .normalize_or_zero()
+                .as_vec3(),
+        )
+    }
+
+    /// Unit shading normal at `time`, interpolated between keys and over the cell; the geometric one
+    /// where the mesh stores none, or where the stored ones cancel.
+    pub fn shading_normal(&self, hit: &Hit, time: f32) -> Option<Vec3> {
+        let instance = self.hit_instance(hit)?;
+        let mesh = instance.object.mesh();
+        let time = clamp_time(time);
+        if mesh.normal_key_count == 0 {
+            return self.geometric_normal(hit, time);
+        }
+        let corners = cell_corners(mesh, hit)?;
+        let grid = hit.grid as usize;
+        let (k, f) = if mesh.normal_key_count == mesh.key_count() {
+            locate_key(&mesh.key_times, time)
+        } else {
+            (0, 0.0)
+        };
+        let next = (k + 1).min(mesh.normal_key_count - 1);
+        let (a, b) = (mesh.grid_normals(grid, k), mesh.grid_normals(grid, next));
+        let w = corner_weights(hit.u, hit.v);
+        let n = (0..4).fold(Vec3::ZERO, |sum, i| {
+            if w[i] == 0.0 {
+                return sum;
+            }
+            let at = octahedral::decode(a[corners[i]]);
+            let n = if f == 0.0 {
+                at
+            } else {
+                at.lerp(octahedral::decode(b[corners[i]]), f)
+            };
+            sum + n * w[i]
+        });
+        let m = instance.place.to_world(time);
+        let n = (normal_matrix(&m.matrix3) * n.as_dvec3()).normalize_or_zero();
+        if n == DVec3::ZERO {
+            self.geometric_normal(hit, time)
+        } else {
+            Some(n.as_vec3())
+        }
+    }
+
+    /// Writes channel `channel` at the hit to `out`, up to the channel's width or `out`'s length, and
+    /// returns the number of floats written.
+    pub fn channel(&self, hit: &Hit, channel: usize, out: &mut [f32]) -> Option<usize> {
+        let mesh = self.object(hit)?.mesh();
+        let corners = cell_corners(mesh, hit)?;
+        let first = mesh.grids.get(hit.grid as usize)?.first_vertex as usize;
+        let channel = mesh.channels.get(channel)?;
+        let w = corner_weights(hit.u, hit.v);
+        let width = channel.width.min(out.len());
+        for (c, value) in out.iter_mut().enumerate().take(width) {
+            *value = 0.0;
+            for i in 0..4 {
+                if w[i] != 0.0 {
+                    let x = channel
+                        .values
+                        .get((first + corners[i]) * channel.width + c)?;
+                    *value += w[i] * x;
+                }
+            }
+        }
+        Some(width)
+    }
+
+    /// The ray's point at the hit, on the ray. [`World::position`] is nearer to the surface.
+    pub fn ray_point(&self, ray: &Ray, hit: &Hit) -> Vec3 {
+        ray.origin + ray.dir * hit.t
+    }
+}
+
+/// Vertices of the hit cell inside its grid, in corner order.
+fn cell_corners(mesh: &DicedMesh, hit: &Hit) -> Option<[usize; 4]> {
+    let grid = mesh.grids.get(hit.grid as usize)?;
+    let cell = hit.cell as usize;
+    if cell >= grid.cell_count() {
+        return None;
+    }
+    let nu = usize::from(grid.nu);
+    let a = (cell / nu) * (nu + 1) + cell % nu;
+    Some([a, a + 1, a + nu + 2, a + nu + 1])
+}
+
+/// Object-space corners of the hit cell at a time in [0, 1].
+fn cell_positions(mesh: &DicedMesh, hit: &Hit, time: f32) -> Option<[Vec3; 4]> {
+    let corners = cell_corners(mesh, hit)?;
+    let grid = hit.grid as usize;
+    let (k, f) = locate_key(&mesh.key_times, time);
+    let a = mesh.grid_positions(grid, k);
+    if !mesh.is_moving() {
+        return Some(corners.map(|i| a[i]));
+    }
+    let b = mesh.grid_positions(grid, k + 1);
+    Some(corners.map(|i| lerp_position(a[i], b[i], f)))
+}

@@ -1,0 +1,382 @@
+//! Tracing against the brute-force oracle in f64.
+
+mod trace_scenes;
+
+use glam::{DVec3, Vec3};
+use hdtrapeze_core::grid::DicedMesh;
+use hdtrapeze_core::trace::{
+    Hit, InstanceTransform, Ray, TraceCounts, World, WorldInstance, brute,
+};
+use trace_scenes::*;
+
+/// Rays at a world of about unit size around `centre`.
+fn random_ray(rng: &mut Rng, centre: Vec3, size: f32) -> Ray {
+    let origin = centre + rng.direction() * size * (0.2 + 3.0 * rng.unit());
+    let target = centre + rng.cube() * size;
+    let dir = (target - origin) * (0.01 + 5.0 * rng.unit());
+    ray(origin, dir, rng.unit())
+}
+
+/// Traces `count` rays and checks each; returns how many hit.
+fn check(world: &World, rng: &mut Rng, centre: Vec3, size: f32, count: usize) -> usize {
+    let mut counts = TraceCounts::default();
+    let mut hits = 0;
+    for _ in 0..count {
+        let ray = random_ray(rng, centre, size);
+        let hit = world.trace(&ray, &mut counts);
+        brute::verify(world, &ray, None, &hit).unwrap_or_else(|e| panic!("{ray:?}: {e}"));
+        assert_eq!(world.occluded(&ray, &mut counts), hit.is_hit());
+        hits += usize::from(hit.is_hit());
+    }
+    hits
+}
+
+#[test]
+fn objects_agree_with_the_oracle() {
+    let mut rng = Rng(1);
+    for k in [1, 2, 3, 5] {
+        let keys = keys(k);
+        let meshes = [
+            ("sheet", sheet(3, 9, &keys)),
+            ("patches", patches(20, 7, &keys, 3)),
+            ("fur", fur(60, &keys, 4)),
+            ("sphere", sphere(2, 5, &keys)),
+        ];
+        for (name, mesh) in meshes {
+            let world = world_of(mesh);
+            let hits = check(&world, &mut rng, Vec3::ZERO, 1.0, 500);
+            assert!(hits > 15, "{name} {k}: {hits}");
+        }
+    }
+}
+
+#[test]
+fn uneven_keys_agree_with_the_oracle() {
+    let mut rng = Rng(2);
+    let world = world_of(patches(25, 6, &[0.0, 0.1, 0.15, 0.8, 1.0], 5));
+    assert!(check(&world, &mut rng, Vec3::ZERO, 1.0, 2000) > 100);
+}
+
+fn spinning(n: usize, turn: f64, scale: DVec3, at: DVec3) -> InstanceTransform {
+    let key_times = keys(n);
+    let matrices = key_times
+        .iter()
+        .map(|&t| {
+            affine(
+                DVec3::new(1.0, 2.0, 0.5),
+                turn * f64::from(t),
+                scale,
+                at + DVec3::X * f64::from(t) * 0.4,
+            )
+        })
+        .collect();
+    InstanceTransform::Moving {
+        key_times,
+        matrices,
+    }
+}
+
+fn all_kinds(offset: DVec3, world_origin: DVec3, k: usize) -> World {
+    let still = object(patches(6, 5, &keys(1), 8));
+    let moving = object(sheet(2, 6, &keys(k)));
+    let mirrored = DVec3::new(-0.7, 0.5, 1.3);
+    let instances = vec![
+        instance(&still, InstanceTransform::Translation(offset)),
+        instance(
+            &moving,
+            InstanceTransform::Translation(offset + DVec3::new(0.3, 0.1, 0.5)),
+        ),
+        instance(
+            &still,
+            InstanceTransform::Static(affine(DVec3::ONE, 1.0, mirrored, offset - DVec3::Y)),
+        ),
+        instance(
+            &moving,
+            InstanceTransform::Static(affine(DVec3::Z, 2.0, DVec3::new(0.1, 2.0, 1.0), offset)),
+        ),
+        instance(&still, spinning(2, 0.8, DVec3::ONE, offset + DVec3::Z)),
+        instance(&moving, spinning(5, 2.5, mirrored, offset - DVec3::Z)),
+    ];
+    World::build(instances, world_origin)
+}
+
+#[test]
+fn instances_agree_with_the_oracle() {
+    let mut rng = Rng(3);
+    for k in [1, 2, 4] {
+        let world = all_kinds(DVec3::ZERO, DVec3::ZERO, k);
+        assert!(check(&world, &mut rng, Vec3::ZERO, 2.0, 1500) > 300);
+    }
+}
+
+#[test]
+fn far_offsets_lose_nothing() {
+    // The same rays against the same world, 1e7 away: the same hits, since the world's origin
+    // is subtracted before anything is rounded.
+    let far = DVec3::new(1.0e7, -2.0e7, 3.0e7);
+    let (near, far) = (
+        all_kinds(DVec3::ZERO, DVec3::ZERO, 2),
+        all_kinds(far, far, 2),
+    );
+    let mut rng = Rng(4);
+    check(&far, &mut rng, Vec3::ZERO, 2.0, 500);
+    let mut counts = TraceCounts::default();
+    for _ in 0..2000 {
+        let ray = random_ray(&mut rng, Vec3::ZERO, 2.0);
+        let (a, b) = (near.trace(&ray, &mut counts), far.trace(&ray, &mut counts));
+        if a != b {
+            // f64 rounds at 1e7 too: 2e-9. Only neighbours may be swapped.
+            brute::verify(&near, &ray, None, &b).unwrap_or_else(|e| panic!("{ray:?}: {a:?} {e}"));
+        }
+    }
+}
+
+#[test]
+fn far_from_the_origin_agrees_within_tolerance() {
+    // The world's origin is far from the object: coordinates are large, tolerances follow.
+    let at = DVec3::new(1000.0, 500.0, -300.0);
+    let world = all_kinds(at, DVec3::ZERO, 2);
+    assert!(check(&world, &mut Rng(5), at.as_vec3(), 2.0, 1000) > 200);
+}
+
+#[test]
+fn mesh_origin_and_translation_add_up() {
+    let mut mesh = sheet(1, 4, &keys(1));
+    mesh.origin = DVec3::splat(1.0e7);
+    let o = object(mesh);
+    let place = InstanceTransform::Translation(DVec3::new(0.0, 0.0, -5.0e6));
+    let world = World::build(vec![instance(&o, place)], DVec3::new(1.0e7, 1.0e7, 5.0e6));
+    let hit = world.trace(
+        &ray(Vec3::new(0.1, 0.2, 9.0), -Vec3::Z, 0.0),
+        &mut TraceCounts::default(),
+    );
+    assert!(hit.is_hit() && (hit.t - 9.0).abs() < 0.2);
+    let p = world.position(&hit, 0.0).expect("a hit");
+    assert!(
+        (p - Vec3::new(0.1, 0.2, 9.0 - hit.t)).length() < 1e-5,
+        "{p}"
+    );
+}
+
+/// All hits, one after the other.
+fn enumerate(world: &World, ray: &Ray) -> Vec<Hit> {
+    let mut counts = TraceCounts::default();
+    let mut hits = Vec::new();
+    let mut hit = world.trace(ray, &mut counts);
+    while hit.is_hit() {
+        hits.push(hit);
+        hit = world.trace_after(ray, &hit, &mut counts);
+        assert!(hits.len() < 10_000);
+    }
+    hits
+}
+
+#[test]
+fn trace_after_enumerates_every_hit() {
+    let mut rng = Rng(6);
+    let mut total = 0;
+    for k in [1, 2, 3] {
+        let world = all_kinds(DVec3::ZERO, DVec3::ZERO, k);
+        for _ in 0..500 {
+            let ray = random_ray(&mut rng, Vec3::ZERO, 2.0);
+            let hits = enumerate(&world, &ray);
+            assert!(hits.windows(2).all(|w| w[0].is_before(&w[1])));
+            let t_min = f64::from(ray.t_min);
+            let oracle: Vec<_> = brute::crossings(&world, &ray)
+                .into_iter()
+                .filter(|c| c.t > t_min)
+                .collect();
+            // Whoever the oracle is sure of is there; whoever is there, the oracle knows.
+            for c in oracle.iter().filter(|c| c.inside > c.tolerance) {
+                let same = |h: &&Hit| (h.instance, h.grid, h.cell) == (c.instance, c.grid, c.cell);
+                let slack = 2.0 * c.tolerance / c.cosine / f64::from(ray.dir.length());
+                assert!(
+                    hits.iter()
+                        .filter(same)
+                        .any(|h| (f64::from(h.t) - c.t).abs() <= slack)
+                        || c.t < t_min + slack,
+                    "{ray:?} misses {c:?}"
+                );
+            }
+            for h in &hits {
+                let known = oracle
+                    .iter()
+                    .any(|c| (h.instance, h.grid, h.cell) == (c.instance, c.grid, c.cell));
+                assert!(
+                    known || f64::from(h.t) < 1e-4,
+                    "{ray:?}: {h:?} is not known to the oracle"
+                );
+            }
+            total += hits.len();
+        }
+    }
+    assert!(total > 1000, "{total}");
+}
+
+#[test]
+fn coincident_surfaces_are_each_hit_once() {
+    let o = object(sheet(2, 8, &keys(2)));
+    let copies = 5;
+    let instances = (0..copies)
+        .map(|_| instance(&o, InstanceTransform::Translation(DVec3::ZERO)))
+        .collect();
+    let world = World::build(instances, DVec3::ZERO);
+    let mut rng = Rng(7);
+    for _ in 0..500 {
+        let ray = ray(
+            Vec3::new(rng.signed(), rng.signed(), 2.0) * 0.9,
+            Vec3::new(0.01, 0.02, -1.0),
+            rng.unit(),
+        );
+        let hits = enumerate(&world, &ray);
+        assert_eq!(hits.len(), copies, "{ray:?} {hits:?}");
+        for (i, h) in hits.iter().enumerate() {
+            assert_eq!(h.instance as usize, i);
+            assert_eq!(
+                (h.t, h.grid, h.cell),
+                (hits[0].t, hits[0].grid, hits[0].cell)
+            );
+        }
+    }
+}
+
+#[test]
+fn order_and_batches_change_nothing() {
+    // The same instances in reverse, and the same grids in another order, give the same hits.
+    let objects: Vec<_> = (0..4)
+        .map(|i| object(patches(10, 4, &keys(2), 20 + i)))
+        .collect();
+    let list: Vec<WorldInstance> = objects
+        .iter()
+        .flat_map(|o| {
+            [
+                instance(o, InstanceTransform::Translation(DVec3::X * 0.1)),
+                instance(o, spinning(2, 0.5, DVec3::ONE, DVec3::ZERO)),
+            ]
+        })
+        .collect();
+    let n = list.len() as u32;
+    let forward = World::build(list.clone(), DVec3::ZERO);
+    let backward = World::build(list.into_iter().rev().collect(), DVec3::ZERO);
+    let mut rng = Rng(8);
+    let rays: Vec<Ray> = (0..3000)
+        .map(|_| random_ray(&mut rng, Vec3::ZERO, 1.0))
+        .collect();
+    let (mut alone, mut batch) = (TraceCounts::default(), TraceCounts::default());
+    let mut hits = vec![Hit::MISS; rays.len()];
+    forward.trace_many(&rays, &mut hits, &mut batch);
+    for (ray, hit) in rays.iter().zip(&hits) {
+        assert_eq!(forward.trace(ray, &mut alone), *hit);
+        let mut back = backward.trace(ray, &mut TraceCounts::default());
+        if back.is_hit() {
+            back.instance = n - 1 - back.instance;
+        }
+        assert_eq!(back.t, hit.t);
+    }
+    assert_eq!(alone, batch);
+}
+
+#[test]
+fn t_range_is_inclusive() {
+    let world = world_of(mesh(&[(4, 4)], &[0.0], |_, u, v, _| Vec3::new(u, v, 0.0)));
+    let mut counts = TraceCounts::default();
+    let mut r = ray(Vec3::new(0.3, 0.4, 1.0), -Vec3::Z, 0.5);
+    for (t_min, t_max, want) in [
+        (1.0, 1.0, true),
+        (0.0, 1.0, true),
+        (1.0, 2.0, true),
+        (0.0, 1.0f32.next_down(), false),
+        (1.0f32.next_up(), 9.0, false),
+        (2.0, 0.0, false),
+        (f32::NAN, 2.0, false),
+        (0.0, f32::NAN, false),
+        (-5.0, f32::INFINITY, true),
+    ] {
+        (r.t_min, r.t_max) = (t_min, t_max);
+        assert_eq!(
+            world.trace(&r, &mut counts).is_hit(),
+            want,
+            "{t_min} {t_max}"
+        );
+        assert_eq!(world.occluded(&r, &mut counts), want);
+    }
+    // Behind the origin, when asked for.
+    let mut r = ray(Vec3::new(0.3, 0.4, 1.0), Vec3::Z, 0.5);
+    r.t_min = -3.0;
+    assert_eq!(world.trace(&r, &mut counts).t, -1.0);
+}
+
+#[test]
+fn bad_rays_miss() {
+    let world = all_kinds(DVec3::ZERO, DVec3::ZERO, 2);
+    let mut counts = TraceCounts::default();
+    for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e30] {
+        for axis in 0..3 {
+            let mut v = Vec3::ONE;
+            v[axis] = bad;
+            assert!(!world.trace(&ray(v, -Vec3::ONE, 0.5), &mut counts).is_hit());
+            assert!(!world.trace(&ray(Vec3::ONE, v, 0.5), &mut counts).is_hit());
+        }
+    }
+    assert!(
+        !world
+            .trace(&ray(Vec3::ONE, Vec3::ZERO, 0.5), &mut counts)
+            .is_hit()
+    );
+    // Times are clamped.
+    let at = |time| {
+        world.trace(
+            &ray(Vec3::new(0.1, 0.2, 5.0), -Vec3::Z, time),
+            &mut TraceCounts::default(),
+        )
+    };
+    assert_eq!(at(-3.0), at(0.0));
+    assert_eq!(at(7.0), at(1.0));
+    assert_eq!(at(f32::NAN), at(0.0));
+}
+
+#[test]
+fn empty_and_broken_input_misses() {
+    let mut counts = TraceCounts::default();
+    let r = ray(Vec3::Z * 3.0, -Vec3::Z, 0.5);
+    assert!(
+        !World::build(Vec::new(), DVec3::ZERO)
+            .trace(&r, &mut counts)
+            .is_hit()
+    );
+    assert!(
+        !world_of(DicedMesh::default())
+            .trace(&r, &mut counts)
+            .is_hit()
+    );
+    let mut bad = sheet(2, 4, &keys(2));
+    bad.positions[3] = Vec3::NAN;
+    let o = object(bad);
+    assert_eq!(o.stats().dropped_grids, 1);
+    let mut short = sheet(1, 4, &keys(2));
+    short.positions.truncate(10);
+    assert_eq!(object(short).stats().dropped_grids, 1);
+    let nan = DVec3::splat(f64::NAN);
+    let flat = affine(DVec3::X, 0.3, DVec3::new(1.0, 0.0, 1.0), DVec3::ZERO);
+    let through_zero = InstanceTransform::Moving {
+        key_times: vec![0.0, 1.0],
+        matrices: vec![
+            affine(DVec3::X, 0.0, DVec3::ONE, DVec3::ZERO),
+            affine(DVec3::X, 0.0, -DVec3::ONE, DVec3::ZERO),
+        ],
+    };
+    let unequal = InstanceTransform::Moving {
+        key_times: vec![0.0, 1.0],
+        matrices: vec![],
+    };
+    let list = vec![
+        instance(&o, InstanceTransform::Translation(nan)),
+        instance(&o, InstanceTransform::Static(flat)),
+        instance(&o, through_zero),
+        instance(&o, unequal),
+    ];
+    let world = World::build(list, DVec3::ZERO);
+    assert_eq!(world.stats().left_out, 3);
+    // Singular at 1/2: nothing panics.
+    assert!(!world.trace(&r, &mut counts).is_hit());
+}
