@@ -10,13 +10,19 @@
 //! with Defocus and Motion Blur", ACM TOG 29(4), 2010.
 #![forbid(unsafe_code)]
 
+pub mod aov;
 pub mod bvh;
+pub mod camera;
 pub mod diagnostics;
 pub mod dice;
+pub mod effects;
 pub mod film;
 pub mod grid;
 pub mod motion;
+pub mod render;
 pub mod sample;
 pub mod scene;
+pub mod shade;
 pub mod surface;
 pub mod trace;
+pub mod translate;

@@ -54,7 +54,7 @@ impl Setup {
         Self {
             surface,
             path: PointPath::identity(&times, DVec3::ZERO),
-            metric: RasterMetric::new(&vec![view; keys], DVec3::ZERO),
+            metric: RasterMetric::new(&vec![vec![view]; keys], DVec3::ZERO),
             rate,
             limit: 4_000_000,
             coarse: false,
@@ -421,7 +421,7 @@ fn wrong_keys_and_rates_are_refused() {
     let mut setup = Setup::new(Analytic::cube(2, Bend::Sphere, |_| false), view, f32::NAN);
     assert_eq!(setup.try_dice().err(), Some(DiceError::ShadingRate));
     setup.rate = 1.0;
-    setup.metric = RasterMetric::new(&[view, view], DVec3::ZERO);
+    setup.metric = RasterMetric::new(&[vec![view], vec![view]], DVec3::ZERO);
     assert_eq!(setup.try_dice().err(), Some(DiceError::KeyCount));
 }
 

@@ -56,6 +56,9 @@ struct LocalView {
 /// A position ready to be measured from.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Measured {
+    /// As given.
+    position: Vec3,
+    /// In the first view's camera space.
     p: Vec3,
     outside: u8,
 }
@@ -64,34 +67,32 @@ pub struct Measured {
 #[derive(Clone, Debug)]
 pub struct RasterMetric {
     views: Vec<LocalView>,
+    /// Further views at a key, for a camera that moves more than the path does.
+    more: Vec<Vec<LocalView>>,
     uniform: f32,
 }
 
 impl RasterMetric {
-    /// Measures positions that are relative to `origin` (world space): `views[k]` is the camera at
-    /// the time of output key `k`.
-    pub fn new(views: &[RasterView], origin: DVec3) -> Self {
-        let views = views
+    /// Measures positions that are relative to `origin` (world space): `views[k]` are the cameras
+    /// that see the path at output key `k`, one or more; the largest measure counts.
+    pub fn new(views: &[Vec<RasterView>], origin: DVec3) -> Self {
+        let local = |views: &[RasterView]| -> Vec<LocalView> {
+            views
+                .iter()
+                .map(|view| LocalView::new(view, origin))
+                .collect()
+        };
+        let first = views
             .iter()
-            .map(|view| {
-                let m = &view.world_to_camera;
-                let reach = view.centre.abs().max((view.size - view.centre).abs());
-                let bounded = view.size.min_element() > 0.0 && reach.is_finite();
-                LocalView {
-                    rotation: m.matrix3.as_mat3(),
-                    translation: m.transform_point3(origin).as_vec3(),
-                    view: *view,
-                    extent: if bounded {
-                        reach * (1.0 + MARGIN_SHARE) + MARGIN_PIXELS
-                    } else {
-                        Vec2::INFINITY
-                    },
-                    angular: view.scale.max_element() * if bounded { OFF_SCREEN } else { 1.0 },
-                }
-            })
+            .flat_map(|v| local(&v[..v.len().min(1)]))
+            .collect();
+        let more = views
+            .iter()
+            .map(|v| local(v.get(1..).unwrap_or_default()))
             .collect();
         Self {
-            views,
+            views: first,
+            more,
             uniform: 0.0,
         }
     }
@@ -101,6 +102,7 @@ impl RasterMetric {
     pub fn uniform(pixels_per_unit: f32) -> Self {
         Self {
             views: Vec::new(),
+            more: Vec::new(),
             uniform: pixels_per_unit,
         }
     }
@@ -120,7 +122,11 @@ impl RasterMetric {
     #[inline]
     pub fn measure(&self, key: usize, p: Vec3) -> Measured {
         match self.views.get(key) {
-            None => Measured { p, outside: 0 },
+            None => Measured {
+                position: p,
+                p,
+                outside: 0,
+            },
             Some(local) => local.measure(p),
         }
     }
@@ -130,7 +136,10 @@ impl RasterMetric {
     pub fn length_between(&self, key: usize, a: &Measured, b: &Measured) -> f32 {
         let length = match self.views.get(key) {
             None => (b.p - a.p).length() * self.uniform,
-            Some(local) => local.length(a, b),
+            Some(local) => self.more[key]
+                .iter()
+                .map(|view| view.length(&view.measure(a.position), &view.measure(b.position)))
+                .fold(local.length(a, b), f32::max),
         };
         // Also where it is NaN.
         if length < LONGEST { length } else { LONGEST }
@@ -138,8 +147,25 @@ impl RasterMetric {
 }
 
 impl LocalView {
-    fn measure(&self, p: Vec3) -> Measured {
-        let p = self.rotation * p + self.translation;
+    fn new(view: &RasterView, origin: DVec3) -> Self {
+        let m = &view.world_to_camera;
+        let reach = view.centre.abs().max((view.size - view.centre).abs());
+        let bounded = view.size.min_element() > 0.0 && reach.is_finite();
+        Self {
+            rotation: m.matrix3.as_mat3(),
+            translation: m.transform_point3(origin).as_vec3(),
+            view: *view,
+            extent: if bounded {
+                reach * (1.0 + MARGIN_SHARE) + MARGIN_PIXELS
+            } else {
+                Vec2::INFINITY
+            },
+            angular: view.scale.max_element() * if bounded { OFF_SCREEN } else { 1.0 },
+        }
+    }
+
+    fn measure(&self, position: Vec3) -> Measured {
+        let p = self.rotation * position + self.translation;
         let depth = -p.z;
         // The half-spaces are linear in p, so they hold behind the camera as well.
         let reach = if self.view.orthographic {
@@ -156,7 +182,11 @@ impl LocalView {
         if !self.view.orthographic && depth < self.view.near {
             outside |= BEHIND;
         }
-        Measured { p, outside }
+        Measured {
+            position,
+            p,
+            outside,
+        }
     }
 
     fn length(&self, a: &Measured, b: &Measured) -> f32 {
@@ -206,7 +236,7 @@ mod tests {
 
     #[test]
     fn visible_segments_are_projected() {
-        let metric = RasterMetric::new(&[view()], DVec3::ZERO);
+        let metric = RasterMetric::new(&[vec![view()]], DVec3::ZERO);
         let a = Vec3::new(0.0, 0.0, -10.0);
         let b = Vec3::new(1.0, 0.0, -10.0);
         assert!((metric.length(0, a, b) - 100.0).abs() < 1.0e-3);
@@ -216,7 +246,7 @@ mod tests {
 
     #[test]
     fn what_is_not_seen_is_an_angle() {
-        let metric = RasterMetric::new(&[view()], DVec3::ZERO);
+        let metric = RasterMetric::new(&[vec![view()]], DVec3::ZERO);
         // A quarter turn behind the camera.
         let l = metric.length(0, Vec3::new(-3.0, 0.0, 3.0), Vec3::new(7.0, 0.0, 7.0));
         assert!((l - std::f32::consts::FRAC_PI_2 * 125.0).abs() < 1.0e-2);
@@ -227,7 +257,7 @@ mod tests {
 
     #[test]
     fn lengths_are_finite() {
-        let metric = RasterMetric::new(&[view()], DVec3::ZERO);
+        let metric = RasterMetric::new(&[vec![view()]], DVec3::ZERO);
         let wild = [0.0, 1.0, -1.0, 1.0e-30, 1.0e30, f32::MAX, f32::MIN];
         for x in wild {
             for z in wild {

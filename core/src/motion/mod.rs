@@ -5,6 +5,10 @@
 //! close; one key where nothing changes). [`path`] composes transforms and points: a point's path is
 //! M(t) p(t), M interpolated as a matrix, p linearly.
 
+pub mod keys;
 pub mod path;
+pub mod transform;
 
+pub use keys::{Shutter, Timeline};
 pub use path::PointPath;
+pub use transform::{Hierarchy, TransformError};

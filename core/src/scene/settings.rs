@@ -67,7 +67,8 @@ pub struct RenderSettings {
     pub threads: u32,
     /// Shutter in place of the camera's, time codes relative to the frame.
     pub shutter: Option<[f64; 2]>,
-    /// Freeze everything at shutter open.
+    /// Render the frame's own time code only, with a shutter of no length (UsdRenderSettings'
+    /// disableMotionBlur).
     pub disable_motion_blur: bool,
     /// Treat the lens as a pinhole.
     pub disable_defocus: bool,

@@ -57,7 +57,8 @@ fn mixed() -> (MeshTopology, Vec<Vec3>) {
 #[test]
 fn corners_are_the_base_vertices_bit_by_bit() {
     let (topology, points) = mixed();
-    let surface = PolygonSurface::new(&topology, &[points.clone()], Vec::new()).unwrap();
+    let surface =
+        PolygonSurface::new(&topology, std::slice::from_ref(&points), Vec::new()).unwrap();
     for face in 0..surface.face_count() as u32 {
         let vertices = surface.face_vertices(face);
         let corners: &[[f32; 2]] = &[[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
@@ -86,7 +87,8 @@ fn corners_are_the_base_vertices_bit_by_bit() {
 #[test]
 fn faces_keep_their_element() {
     let (mut topology, points) = mixed();
-    let surface = PolygonSurface::new(&topology, &[points.clone()], Vec::new()).unwrap();
+    let surface =
+        PolygonSurface::new(&topology, std::slice::from_ref(&points), Vec::new()).unwrap();
     let elements: Vec<u32> = (0..surface.face_count() as u32)
         .map(|face| surface.element(face))
         .collect();
@@ -112,8 +114,12 @@ fn concave_faces_stay_inside_their_outline() {
     for turn in 0..4 {
         let mut face: Vec<u32> = (0..4).collect();
         face.rotate_left(turn);
-        let surface =
-            PolygonSurface::new(&topology(&[&face], 4), &[points.clone()], Vec::new()).unwrap();
+        let surface = PolygonSurface::new(
+            &topology(&[&face], 4),
+            std::slice::from_ref(&points),
+            Vec::new(),
+        )
+        .unwrap();
         assert_eq!(surface.face_count(), 2);
         let mut area = 0.0;
         for face in 0..2 {
@@ -218,7 +224,7 @@ fn contradictions_are_errors() {
     let bad = |change: &dyn Fn(&mut MeshTopology)| {
         let mut topology = good.clone();
         change(&mut topology);
-        PolygonSurface::new(&topology, &[points.clone()], Vec::new()).is_err()
+        PolygonSurface::new(&topology, std::slice::from_ref(&points), Vec::new()).is_err()
     };
     assert!(bad(&|t| t.face_vertex_counts[0] = 9));
     assert!(bad(&|t| t.face_vertex_indices[0] = 10));

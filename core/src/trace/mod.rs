@@ -82,3 +82,15 @@ pub struct TraceCounts {
     /// Micropolygons tested.
     pub cell_tests: u64,
 }
+
+impl std::ops::Add for TraceCounts {
+    type Output = TraceCounts;
+
+    fn add(self, o: TraceCounts) -> TraceCounts {
+        TraceCounts {
+            rays: self.rays + o.rays,
+            node_tests: self.node_tests + o.node_tests,
+            cell_tests: self.cell_tests + o.cell_tests,
+        }
+    }
+}

@@ -1,0 +1,116 @@
+//! The AOVs: names, shapes, and what a pixel of each means.
+//!
+//! | name | values | meaning | background |
+//! |---|---|---|---|
+//! | color | 4 float | filtered radiance, premultiplied alpha | 0 |
+//! | depth | 1 float | clip-space depth, 0 near to 1 far, point-sampled | 1 |
+//! | cameraDepth | 1 float | distance along the view axis, scene units, point-sampled | 0 |
+//! | P | 3 float | world position, scene units, point-sampled | 0 |
+//! | normal | 3 float | world-space shading normal, mean over the samples that hit | 0 |
+//! | Neye | 3 float | the same in camera space | 0 |
+//! | primId, instanceId, elementId | 1 int | as the host numbers them; elementId is the authored face; point-sampled | -1 |
+//! | motionVectors | 2 float | raster movement from shutter open to close, pixels, x right and y down, mean over the samples that hit | 0 |
+//! | sampleCount | 1 int | samples taken | 0 |
+//! | cost | 2 float | nodes opened and micropolygons tested, mean per sample | 0 |
+//!
+//! Point-sampled AOVs of a pixel all come from one and the same sample: the one nearest to the
+//! pixel's centre. They are never averaged.
+
+/// One AOV.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[allow(missing_docs)] // the table above says what each is
+pub enum Aov {
+    Color,
+    Depth,
+    CameraDepth,
+    P,
+    Normal,
+    Neye,
+    PrimId,
+    InstanceId,
+    ElementId,
+    MotionVectors,
+    SampleCount,
+    Cost,
+}
+
+impl Aov {
+    /// All of them.
+    pub const ALL: [Aov; 12] = [
+        Aov::Color,
+        Aov::Depth,
+        Aov::CameraDepth,
+        Aov::P,
+        Aov::Normal,
+        Aov::Neye,
+        Aov::PrimId,
+        Aov::InstanceId,
+        Aov::ElementId,
+        Aov::MotionVectors,
+        Aov::SampleCount,
+        Aov::Cost,
+    ];
+
+    /// The name hosts use.
+    pub fn name(self) -> &'static str {
+        match self {
+            Aov::Color => "color",
+            Aov::Depth => "depth",
+            Aov::CameraDepth => "cameraDepth",
+            Aov::P => "P",
+            Aov::Normal => "normal",
+            Aov::Neye => "Neye",
+            Aov::PrimId => "primId",
+            Aov::InstanceId => "instanceId",
+            Aov::ElementId => "elementId",
+            Aov::MotionVectors => "motionVectors",
+            Aov::SampleCount => "sampleCount",
+            Aov::Cost => "cost",
+        }
+    }
+
+    /// The AOV of that name.
+    pub fn from_name(name: &str) -> Option<Aov> {
+        Aov::ALL.into_iter().find(|a| a.name() == name)
+    }
+
+    /// Values a pixel.
+    pub fn components(self) -> usize {
+        match self {
+            Aov::Color => 4,
+            Aov::P | Aov::Normal | Aov::Neye => 3,
+            Aov::MotionVectors | Aov::Cost => 2,
+            _ => 1,
+        }
+    }
+
+    /// True for AOVs taken from one sample a pixel.
+    pub fn is_point_sampled(self) -> bool {
+        matches!(
+            self,
+            Aov::Depth | Aov::CameraDepth | Aov::P | Aov::PrimId | Aov::InstanceId | Aov::ElementId
+        )
+    }
+}
+
+/// Pixels of one AOV, rows from the top.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AovImage {
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// Values a pixel.
+    pub components: usize,
+    /// `width * height * components` values.
+    pub data: AovData,
+}
+
+/// Values of an AOV.
+#[derive(Clone, Debug, PartialEq)]
+pub enum AovData {
+    /// Floats.
+    F32(Vec<f32>),
+    /// Integers.
+    I32(Vec<i32>),
+}

@@ -1,0 +1,105 @@
+//! The effect plan: which effects this scene, camera and these settings call for, and who called.
+//! An effect that nothing calls for costs no time and no memory: kernels, nodes and buffers follow
+//! the plan.
+
+use std::fmt;
+
+/// How time enters a render.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum TimePlan {
+    /// Nothing moves: no time is drawn.
+    #[default]
+    Still,
+    /// Only the camera moves: rays move, geometry is static.
+    CameraOnly,
+    /// Geometry moves, at most this many straight segments a vertex.
+    Segments(usize),
+}
+
+/// The plan.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct EffectPlan {
+    /// Motion.
+    pub time: TimePlan,
+    /// Path of the prim or camera with the most segments.
+    pub time_by: Option<String>,
+    /// Why nothing moves, where something could have.
+    pub time_note: Option<String>,
+    /// Lens radius in scene units; 0 for a pinhole.
+    pub lens_radius: f32,
+    /// Path of the camera with the lens.
+    pub lens_by: Option<String>,
+    /// Path of the first prim that is not opaque.
+    pub transparency_by: Option<String>,
+    /// Number of instances traced through a moving matrix.
+    pub moving_instances: usize,
+    /// Number of prims lit by the camera light.
+    pub camera_light: bool,
+}
+
+impl EffectPlan {
+    /// True when samples draw a time.
+    pub fn has_time(&self) -> bool {
+        self.time != TimePlan::Still
+    }
+
+    /// True when samples draw a lens point.
+    pub fn has_lens(&self) -> bool {
+        self.lens_radius > 0.0
+    }
+
+    /// True when a ray may pass through a surface.
+    pub fn has_transparency(&self) -> bool {
+        self.transparency_by.is_some()
+    }
+}
+
+impl fmt::Display for EffectPlan {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let by = |path: &Option<String>| {
+            path.as_ref()
+                .map_or(String::new(), |p| format!(", called for by {p}"))
+        };
+        match &self.time {
+            TimePlan::Still => {
+                let why = self
+                    .time_note
+                    .as_deref()
+                    .unwrap_or("nothing moves while it is open");
+                writeln!(f, "time: still ({why})")?;
+            }
+            TimePlan::CameraOnly => {
+                writeln!(
+                    f,
+                    "time: camera only{}; geometry is static",
+                    by(&self.time_by)
+                )?;
+            }
+            TimePlan::Segments(1) => writeln!(f, "time: linear{}", by(&self.time_by))?,
+            TimePlan::Segments(n) => writeln!(f, "time: {n} segments{}", by(&self.time_by))?,
+        }
+        if self.moving_instances > 0 {
+            writeln!(f, "moving instances: {}", self.moving_instances)?;
+        }
+        if self.has_lens() {
+            writeln!(
+                f,
+                "lens: thin, radius {}{}",
+                self.lens_radius,
+                by(&self.lens_by)
+            )?;
+        } else {
+            writeln!(f, "lens: pinhole")?;
+        }
+        match &self.transparency_by {
+            Some(path) => writeln!(f, "opacity: transparent, called for by {path}")?,
+            None => writeln!(f, "opacity: opaque")?,
+        }
+        let light = if self.camera_light {
+            "camera light, no shadows"
+        } else {
+            "none"
+        };
+        writeln!(f, "light: {light}")
+    }
+}

@@ -1,0 +1,209 @@
+//! One tile of the film: sums over the samples of each pixel.
+
+use crate::aov::Aov;
+
+/// What one camera sample brings home.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Sample {
+    /// Filter weight, mean 1.
+    pub weight: f32,
+    /// Squared distance from the pixel's centre, pixels.
+    pub distance2: f32,
+    /// Premultiplied radiance and coverage.
+    pub color: [f32; 4],
+    /// The nearest thing that is not fully transparent.
+    pub first: Option<FirstHit>,
+    /// Nodes opened and micropolygons tested.
+    pub cost: [f32; 2],
+}
+
+/// The first surface of a sample; see [`crate::aov`] for meanings and units.
+#[derive(Clone, Copy, Debug, Default)]
+#[allow(missing_docs)] // named as the AOVs are
+pub struct FirstHit {
+    pub depth: f32,
+    pub camera_depth: f32,
+    pub p: [f32; 3],
+    pub normal: [f32; 3],
+    pub n_eye: [f32; 3],
+    pub motion: [f32; 2],
+    pub prim_id: i32,
+    pub instance_id: i32,
+    pub element_id: i32,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct PointSample {
+    distance2: f32,
+    hit: Option<PointHit>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct PointHit {
+    depth: f32,
+    camera_depth: f32,
+    p: [f32; 3],
+    ids: [i32; 3],
+}
+
+/// Means over the samples that hit: normal, Neye, motion.
+#[derive(Clone, Copy, Debug, Default)]
+struct Means {
+    sums: [f64; 8],
+    hits: u32,
+}
+
+/// Which sums a film keeps: only those that the asked-for AOVs need.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Keeps {
+    color: bool,
+    point: bool,
+    means: bool,
+    cost: bool,
+}
+
+impl Keeps {
+    /// Sums that `aovs` need.
+    pub fn of(aovs: &[Aov]) -> Self {
+        let any = |f: &dyn Fn(Aov) -> bool| aovs.iter().any(|&a| f(a));
+        Self {
+            color: any(&|a| a == Aov::Color),
+            point: any(&Aov::is_point_sampled),
+            means: any(&|a| matches!(a, Aov::Normal | Aov::Neye | Aov::MotionVectors)),
+            cost: any(&|a| a == Aov::Cost),
+        }
+    }
+
+    /// True when shading is asked for: without it only visibility is traced.
+    pub fn color(self) -> bool {
+        self.color
+    }
+
+    /// True when normals or motion vectors are asked for.
+    pub fn means(self) -> bool {
+        self.means
+    }
+
+    /// Bytes a pixel.
+    pub fn bytes(self) -> usize {
+        let size = |keep: bool, bytes: usize| if keep { bytes } else { 0 };
+        size(self.color, 32)
+            + size(self.point, size_of::<PointSample>())
+            + size(self.means, size_of::<Means>())
+            + size(self.cost, 16)
+    }
+}
+
+/// Sums of a rectangle of pixels. Sums are f64, so that a million samples lose nothing.
+#[derive(Clone, Debug)]
+pub struct Tile {
+    /// Left pixel.
+    pub x: u32,
+    /// Top pixel.
+    pub y: u32,
+    /// Width.
+    pub width: u32,
+    /// Height.
+    pub height: u32,
+    /// Samples that every pixel of the tile has.
+    pub samples: u32,
+    color: Vec<[f64; 4]>,
+    point: Vec<PointSample>,
+    means: Vec<Means>,
+    cost: Vec<[f64; 2]>,
+}
+
+impl Tile {
+    /// An empty tile.
+    pub fn new(x: u32, y: u32, width: u32, height: u32, keeps: Keeps) -> Self {
+        let n = (width * height) as usize;
+        let count = |keep: bool| if keep { n } else { 0 };
+        let no_point = PointSample {
+            distance2: f32::INFINITY,
+            hit: None,
+        };
+        Self {
+            x,
+            y,
+            width,
+            height,
+            samples: 0,
+            color: vec![[0.0; 4]; count(keeps.color)],
+            point: vec![no_point; count(keeps.point)],
+            means: vec![Means::default(); count(keeps.means)],
+            cost: vec![[0.0; 2]; count(keeps.cost)],
+        }
+    }
+
+    /// Adds a sample to pixel `i` (row-major in the tile). Samples of a pixel come in the order of
+    /// their numbers.
+    pub fn add(&mut self, i: usize, sample: &Sample) {
+        if let Some(sum) = self.color.get_mut(i) {
+            for (sum, v) in sum.iter_mut().zip(sample.color) {
+                *sum += f64::from(sample.weight * v);
+            }
+        }
+        if let Some(point) = self.point.get_mut(i)
+            && sample.distance2 < point.distance2
+        {
+            let hit = sample.first.map(|h| PointHit {
+                depth: h.depth,
+                camera_depth: h.camera_depth,
+                p: h.p,
+                ids: [h.prim_id, h.instance_id, h.element_id],
+            });
+            *point = PointSample {
+                distance2: sample.distance2,
+                hit,
+            };
+        }
+        if let (Some(means), Some(hit)) = (self.means.get_mut(i), &sample.first) {
+            let values = hit.normal.iter().chain(&hit.n_eye).chain(&hit.motion);
+            for (sum, v) in means.sums.iter_mut().zip(values) {
+                *sum += f64::from(*v);
+            }
+            means.hits += 1;
+        }
+        if let Some(cost) = self.cost.get_mut(i) {
+            cost[0] += f64::from(sample.cost[0]);
+            cost[1] += f64::from(sample.cost[1]);
+        }
+    }
+
+    /// Values of a float AOV at pixel `i`, appended to `out`.
+    pub fn resolve_f32(&self, aov: Aov, i: usize, out: &mut Vec<f32>) {
+        let n = f64::from(self.samples.max(1));
+        let mean = |range: std::ops::Range<usize>, out: &mut Vec<f32>| {
+            let means = &self.means[i];
+            let hits = f64::from(means.hits.max(1));
+            out.extend(means.sums[range].iter().map(|s| (s / hits) as f32));
+        };
+        match aov {
+            Aov::Color => {
+                let [r, g, b, a] = self.color[i].map(|s| (s / n) as f32);
+                // Negative lobes can leave a hair outside what coverage can be.
+                out.extend([r, g, b, a.clamp(0.0, 1.0)]);
+            }
+            Aov::Depth => out.push(self.point[i].hit.map_or(1.0, |h| h.depth)),
+            Aov::CameraDepth => out.push(self.point[i].hit.map_or(0.0, |h| h.camera_depth)),
+            Aov::P => out.extend(self.point[i].hit.map_or([0.0; 3], |h| h.p)),
+            Aov::Normal => mean(0..3, out),
+            Aov::Neye => mean(3..6, out),
+            Aov::MotionVectors => mean(6..8, out),
+            Aov::Cost => out.extend(self.cost[i].map(|s| (s / n) as f32)),
+            Aov::PrimId | Aov::InstanceId | Aov::ElementId | Aov::SampleCount => {}
+        }
+    }
+
+    /// Value of an integer AOV at pixel `i`; `None` for float AOVs.
+    pub fn resolve_i32(&self, aov: Aov, i: usize) -> Option<i32> {
+        let id = |k: usize| self.point[i].hit.map_or(-1, |h| h.ids[k]);
+        match aov {
+            Aov::PrimId => Some(id(0)),
+            Aov::InstanceId => Some(id(1)),
+            Aov::ElementId => Some(id(2)),
+            Aov::SampleCount => Some(self.samples as i32),
+            _ => None,
+        }
+    }
+}

@@ -1,0 +1,227 @@
+//! Samples of one tile: generate, trace, shade, film.
+//!
+//! Rays are traced in runs of one small pixel block, so that a run is coherent. Transparent surfaces
+//! are composited front to back by asking for the next hit after the last, up to [`MAX_LAYERS`].
+
+use glam::{Vec2, Vec3};
+
+use super::prepared::Prepared;
+use crate::camera::concentric_disk;
+use crate::film::filter::Filter;
+use crate::film::tile::{FirstHit, Keeps, Sample, Tile};
+use crate::sample::PixelSampler;
+use crate::shade::{camera_light_irradiance, camera_lit};
+use crate::trace::{Hit, Ray, TraceCounts};
+
+/// Transparent layers composited along one ray; what lies behind is left out.
+pub const MAX_LAYERS: usize = 64;
+/// Transmittance below which what lies behind cannot be seen: less than half a step of 10 bits.
+const LEAST_TRANSMITTANCE: f32 = 1.0 / 2048.0;
+/// Side of the pixel block whose rays are traced together.
+const BLOCK: u32 = 4;
+
+/// What all tiles of a render share.
+pub(super) struct Integrator<'a> {
+    prepared: &'a Prepared,
+    sampler: PixelSampler,
+    filter: Filter,
+    keeps: Keeps,
+    irradiance: f32,
+}
+
+/// One camera sample on its way.
+#[derive(Clone, Copy)]
+struct Job {
+    pixel: usize,
+    ray: Ray,
+    weight: f32,
+    distance2: f32,
+}
+
+impl<'a> Integrator<'a> {
+    pub fn new(prepared: &'a Prepared, keeps: Keeps) -> Self {
+        let settings = &prepared.settings;
+        let width = if settings.filter_width > 0.0 {
+            settings.filter_width
+        } else {
+            settings.filter.default_width()
+        };
+        let irradiance = if prepared.plan.camera_light {
+            camera_light_irradiance()
+        } else {
+            0.0
+        };
+        Self {
+            prepared,
+            sampler: PixelSampler::new(settings.samples, settings.seed),
+            filter: Filter::new(settings.filter, width),
+            keeps,
+            irradiance: irradiance * prepared.camera.exposure_scale(),
+        }
+    }
+
+    /// Takes samples until every pixel of `tile` has `target`.
+    pub fn fill(&self, tile: &mut Tile, target: u32, counts: &mut TraceCounts) {
+        if tile.samples >= target {
+            return;
+        }
+        let range = tile.samples..target;
+        let mut jobs: Vec<Job> = Vec::new();
+        let mut rays: Vec<Ray> = Vec::new();
+        let mut hits: Vec<Hit> = Vec::new();
+        for by in (0..tile.height).step_by(BLOCK as usize) {
+            for bx in (0..tile.width).step_by(BLOCK as usize) {
+                jobs.clear();
+                for index in range.clone() {
+                    for y in by..(by + BLOCK).min(tile.height) {
+                        for x in bx..(bx + BLOCK).min(tile.width) {
+                            let pixel = [tile.x + x, tile.y + y];
+                            jobs.push(self.generate(pixel, (y * tile.width + x) as usize, index));
+                        }
+                    }
+                }
+                rays.clear();
+                rays.extend(jobs.iter().map(|j| j.ray));
+                hits.clear();
+                hits.resize(rays.len(), Hit::MISS);
+                for (job, hit) in jobs.iter().zip(&mut hits) {
+                    let mut own = TraceCounts::default();
+                    *hit = self.prepared.world.trace(&job.ray, &mut own);
+                    let sample = self.shade(job, hit, &mut own);
+                    tile.add(job.pixel, &sample);
+                    *counts = *counts + own;
+                }
+            }
+        }
+        tile.samples = target;
+    }
+
+    /// Draws pixel, lens and time jointly.
+    fn generate(&self, pixel: [u32; 2], slot: usize, index: u32) -> Job {
+        let plan = &self.prepared.plan;
+        let settings = &self.prepared.settings;
+        let [x, y, u, v, time] = self.sampler.sample(pixel, index);
+        let (offset, weight) = self.filter.sample(x, y);
+        let centre = Vec2::new(pixel[0] as f32 + 0.5, pixel[1] as f32 + 0.5);
+        let lens = match settings.lens_point {
+            _ if !plan.has_lens() => Vec2::ZERO,
+            Some([u, v]) => Vec2::new(u, v),
+            None => concentric_disk(u, v),
+        };
+        let time = if plan.has_time() {
+            let [a, b] = settings.time_window;
+            a + (b - a) * time
+        } else {
+            0.0
+        };
+        let ray = self.prepared.camera.ray(centre + offset, lens, time);
+        Job {
+            pixel: slot,
+            ray,
+            weight,
+            distance2: offset.length_squared(),
+        }
+    }
+
+    /// Composites what the ray meets, front to back.
+    fn shade(&self, job: &Job, first: &Hit, counts: &mut TraceCounts) -> Sample {
+        let mut color = Vec3::ZERO;
+        let mut transmittance = 1.0f32;
+        let mut found = None;
+        let mut hit = *first;
+        for _ in 0..MAX_LAYERS {
+            if !hit.is_hit() {
+                break;
+            }
+            let (layer, opacity) = self.surface(&job.ray, &hit, found.is_none());
+            if opacity > 0.0 && found.is_none() {
+                found = Some(layer.first);
+            }
+            color += layer.radiance * (opacity * transmittance);
+            transmittance *= 1.0 - opacity;
+            if transmittance < LEAST_TRANSMITTANCE {
+                transmittance = 0.0;
+                break;
+            }
+            hit = self.prepared.world.trace_after(&job.ray, &hit, counts);
+        }
+        Sample {
+            weight: job.weight,
+            distance2: job.distance2,
+            color: [color.x, color.y, color.z, 1.0 - transmittance],
+            first: found,
+            cost: [counts.node_tests as f32, counts.cell_tests as f32],
+        }
+    }
+
+    /// Shades one hit: radiance, opacity, and the AOV values when it may be the first.
+    fn surface(&self, ray: &Ray, hit: &Hit, want_first: bool) -> (Layer, f32) {
+        let prepared = self.prepared;
+        let world = &prepared.world;
+        let (entry, prim) = prepared.hit_prim(hit);
+        let shading = &prim.objects.shading;
+        let element = world.element(hit).unwrap_or(0);
+        let channel = |c: usize| {
+            let mut value = [0.0; 3];
+            world.channel(hit, c, &mut value);
+            value
+        };
+        let opacity = shading.opacity.as_ref().map_or(1.0, |source| {
+            source.value(element, channel)[0].clamp(0.0, 1.0)
+        });
+        let normal = world.shading_normal(hit, ray.time).unwrap_or(Vec3::ZERO);
+        let normal = if entry.flip { -normal } else { normal };
+        let n_eye = prepared.camera.normal_to_camera(normal, ray.time);
+        let radiance = if self.keeps.color() {
+            let albedo = Vec3::from_array(shading.color.value(element, channel));
+            camera_lit(albedo, n_eye, self.irradiance)
+        } else {
+            Vec3::ZERO
+        };
+        let first = if want_first {
+            let p = world
+                .position(hit, ray.time)
+                .unwrap_or(ray.origin + ray.dir * hit.t);
+            FirstHit {
+                depth: prepared.camera.clip_depth(hit.t),
+                camera_depth: hit.t,
+                p: (p.as_dvec3() + prepared.camera.origin())
+                    .as_vec3()
+                    .to_array(),
+                normal: normal.to_array(),
+                n_eye: n_eye.to_array(),
+                motion: if self.keeps.means() {
+                    self.motion(hit)
+                } else {
+                    [0.0; 2]
+                },
+                prim_id: prim.pick_id,
+                instance_id: entry.instance_id,
+                element_id: element as i32,
+            }
+        } else {
+            FirstHit::default()
+        };
+        (Layer { radiance, first }, opacity)
+    }
+
+    /// Raster movement of the point that was hit, from shutter open to close.
+    fn motion(&self, hit: &Hit) -> [f32; 2] {
+        if !self.prepared.plan.has_time() {
+            return [0.0; 2];
+        }
+        let at = |time: f32| {
+            let p = self.prepared.world.position(hit, time)?;
+            self.prepared.camera.project(p, time)
+        };
+        match (at(0.0), at(1.0)) {
+            (Some(a), Some(b)) => (b - a).to_array(),
+            _ => [0.0; 2],
+        }
+    }
+}
+
+struct Layer {
+    radiance: Vec3,
+    first: FirstHit,
+}

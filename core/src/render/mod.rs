@@ -1,0 +1,18 @@
+//! A render from end to end: [`prepare`] turns a scene into what rays need, [`render`] fills a
+//! [`Frame`] in progressive passes.
+//!
+//! Both run on the calling thread's rayon pool. A [`Prepared`] is immutable and shared; what an edit
+//! did not touch is taken over from the one before.
+
+mod integrate;
+mod objects;
+mod passes;
+mod prepare;
+mod prepared;
+mod query;
+
+pub use crate::film::{Frame, FrameError};
+pub use passes::{RenderControl, RenderStatistics, render};
+pub use prepare::{Preparation, PrepareError, prepare};
+pub use prepared::{PrepareStatistics, Prepared};
+pub use query::{WorldHit, WorldRay};

@@ -1,0 +1,138 @@
+//! What a commit leaves behind: everything that rays need, immutable and shared.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use super::objects::PrimObjects;
+use crate::aov::Aov;
+use crate::camera::Camera;
+use crate::effects::EffectPlan;
+use crate::motion::Shutter;
+use crate::scene::{CameraDesc, PrimDesc, PrimId, RenderSettings};
+use crate::trace::{Hit, World};
+
+/// A prim as rays meet it.
+#[derive(Debug)]
+pub(super) struct PreparedPrim {
+    pub path: String,
+    pub pick_id: i32,
+    pub objects: Arc<PrimObjects>,
+}
+
+/// One entry an instance of the world: which prim, which instance of it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct InstanceEntry {
+    pub prim: u32,
+    pub instance_id: i32,
+    /// See [`super::objects::Placed::flip`].
+    pub flip: bool,
+}
+
+/// What a prim was prepared from, to know it again.
+#[derive(Clone, Debug)]
+pub(super) struct CacheEntry {
+    pub desc: Arc<PrimDesc>,
+    pub objects: Arc<PrimObjects>,
+}
+
+/// Counts and times of a commit.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[allow(missing_docs)] // named after what they count; bytes and seconds
+pub struct PrepareStatistics {
+    pub prims: u64,
+    pub instances: u64,
+    pub objects: u64,
+    pub grids: u64,
+    pub micropolygons: u64,
+    pub limit_evaluations: u64,
+    pub geometry_bytes: u64,
+    pub bvh_bytes: u64,
+    pub bvh_nodes: u64,
+    /// Whole commit, wall clock.
+    pub total_seconds: f64,
+    /// Dicing, summed over prims (threads add up).
+    pub dice_seconds: f64,
+    /// Building trees over grids, summed over prims.
+    pub build_seconds: f64,
+    /// Building the tree over instances, wall clock.
+    pub world_seconds: f64,
+    /// Prims diced by this commit.
+    pub objects_diced: u64,
+    /// Prims taken over from the commit before.
+    pub objects_reused: u64,
+}
+
+/// A scene, ready to render.
+#[derive(Debug)]
+pub struct Prepared {
+    pub(super) settings: Arc<RenderSettings>,
+    pub(super) camera_desc: Arc<CameraDesc>,
+    pub(super) camera: Camera,
+    pub(super) shutter: Shutter,
+    pub(super) aovs: Vec<Aov>,
+    pub(super) world: World,
+    pub(super) prims: Vec<PreparedPrim>,
+    pub(super) instances: Vec<InstanceEntry>,
+    pub(super) plan: EffectPlan,
+    pub(super) statistics: PrepareStatistics,
+    pub(super) cache: HashMap<PrimId, CacheEntry>,
+}
+
+impl Prepared {
+    /// The instance and the prim of a hit (instances are numbered as in the world).
+    pub(super) fn hit_prim(&self, hit: &Hit) -> (InstanceEntry, &PreparedPrim) {
+        let entry = self.instances[hit.instance as usize];
+        (entry, &self.prims[entry.prim as usize])
+    }
+
+    /// Counts and times of the commit.
+    pub fn statistics(&self) -> &PrepareStatistics {
+        &self.statistics
+    }
+
+    /// The effect plan.
+    pub fn plan(&self) -> &EffectPlan {
+        &self.plan
+    }
+
+    /// The effect plan and the size of the scene, as text for people.
+    pub fn explain(&self) -> String {
+        let s = &self.statistics;
+        let [width, height] = self.settings.resolution;
+        format!(
+            "camera: {}\nimage: {width} x {height}, {} samples a pixel, shading rate {}\n\
+             shutter: {} to {} time codes\n{}backend: cpu\n\
+             scene: {} prims, {} instances, {} grids, {} micropolygons\n",
+            self.camera_desc.path,
+            self.settings.samples,
+            self.settings.shading_rate,
+            self.shutter.open,
+            self.shutter.close,
+            self.plan,
+            s.prims,
+            s.instances,
+            s.grids,
+            s.micropolygons,
+        )
+    }
+
+    /// Settings of the render.
+    pub fn settings(&self) -> &RenderSettings {
+        &self.settings
+    }
+
+    /// The camera.
+    pub fn camera(&self) -> &Camera {
+        &self.camera
+    }
+
+    /// The world that rays are traced in.
+    pub fn world(&self) -> &World {
+        &self.world
+    }
+
+    /// AOVs to render.
+    pub fn aovs(&self) -> &[Aov] {
+        &self.aovs
+    }
+}

@@ -1,0 +1,97 @@
+//! Batch ray queries in world space, for tools and tests.
+
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+use super::prepared::Prepared;
+use crate::trace::{Ray, TraceCounts};
+
+/// A ray in world space.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WorldRay {
+    /// Origin, scene units.
+    pub origin: DVec3,
+    /// Direction; need not be unit length.
+    pub dir: Vec3,
+    /// In [0, 1] across the shutter.
+    pub time: f32,
+    /// Nearest distance, in units of `dir`.
+    pub t_min: f32,
+    /// Farthest distance.
+    pub t_max: f32,
+}
+
+/// What a ray met.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WorldHit {
+    /// Distance in units of `dir`; infinity for a miss.
+    pub t: f32,
+    /// Position in the micropolygon, see [`crate::trace::Hit`].
+    pub u: f32,
+    /// Position in the micropolygon.
+    pub v: f32,
+    /// Geometric normal, world space, unit length; zero for a miss.
+    pub normal: Vec3,
+    /// primId; -1 for a miss.
+    pub prim_id: i32,
+    /// instanceId; -1 for a miss.
+    pub instance_id: i32,
+    /// Authored face; -1 for a miss.
+    pub element_id: i32,
+    /// Grid of the object.
+    pub grid: u32,
+    /// Micropolygon of the grid.
+    pub cell: u32,
+}
+
+impl Prepared {
+    /// Traces `rays` in parallel; `hits` are overwritten. Slices of different length are traced as
+    /// far as the shorter goes.
+    pub fn trace_world(&self, rays: &[WorldRay], hits: &mut [WorldHit]) {
+        rays.par_iter()
+            .zip(hits.par_iter_mut())
+            .with_min_len(256)
+            .for_each(|(ray, out)| {
+                *out = self.trace_one(ray);
+            });
+    }
+
+    fn trace_one(&self, ray: &WorldRay) -> WorldHit {
+        let local = Ray {
+            origin: (ray.origin - self.camera.origin()).as_vec3(),
+            dir: ray.dir,
+            time: ray.time,
+            t_min: ray.t_min,
+            t_max: ray.t_max,
+        };
+        let hit = self.world.trace(&local, &mut TraceCounts::default());
+        if !hit.is_hit() {
+            return WorldHit {
+                t: f32::INFINITY,
+                u: 0.0,
+                v: 0.0,
+                normal: Vec3::ZERO,
+                prim_id: -1,
+                instance_id: -1,
+                element_id: -1,
+                grid: 0,
+                cell: 0,
+            };
+        }
+        let (entry, prim) = self.hit_prim(&hit);
+        WorldHit {
+            t: hit.t,
+            u: hit.u,
+            v: hit.v,
+            normal: self
+                .world
+                .geometric_normal(&hit, ray.time)
+                .unwrap_or(Vec3::ZERO),
+            prim_id: prim.pick_id,
+            instance_id: entry.instance_id,
+            element_id: self.world.element(&hit).map_or(-1, |e| e as i32),
+            grid: hit.grid,
+            cell: hit.cell,
+        }
+    }
+}

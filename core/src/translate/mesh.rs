@@ -1,0 +1,382 @@
+//! Checks one mesh: topology that the scheme can use, points that are finite at every key.
+//!
+//! Faces that cannot be used are dropped, and the rest keeps its authored face numbers through
+//! [`CheckedMesh::elements`]; the authored face-vertices that remain are in
+//! [`CheckedMesh::face_vertices`], so that face-varying data still finds its values.
+
+use glam::Vec3;
+
+use crate::diagnostics::{Code, Warning};
+use crate::motion::{Shutter, Timeline};
+use crate::scene::{MeshDesc, PointsSamples};
+use crate::surface::{Crease, MeshTopology};
+
+/// Largest usable coordinate: squares and products of a few stay inside f32.
+pub const LARGEST_COORDINATE: f32 = 1.0e12;
+
+/// True for a point that arithmetic in f32 can take.
+fn usable(p: Vec3) -> bool {
+    p.is_finite() && p.abs().max_element() < LARGEST_COORDINATE
+}
+
+/// A mesh that dicing can take.
+#[derive(Clone, Debug)]
+pub struct CheckedMesh {
+    /// Topology over the kept faces.
+    pub topology: MeshTopology,
+    /// Authored face of each kept face.
+    pub elements: Vec<u32>,
+    /// Authored position (in faceVertexIndices) of each kept face-vertex.
+    pub face_vertices: Vec<u32>,
+    /// Faces that were authored.
+    pub authored_faces: usize,
+    /// Face-vertices that were authored.
+    pub authored_face_vertices: usize,
+    /// Points, `topology.vertex_count` of them.
+    pub points: PointKeys,
+}
+
+/// Object-space points at keys across the shutter.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PointKeys {
+    /// Key times in [0, 1]; `[0]` when the points stand still.
+    pub times: Vec<f32>,
+    /// Points at each key, all of one length.
+    pub points: Vec<Vec<Vec3>>,
+}
+
+/// Checks `mesh`. `None` when nothing is left to render; an empty mesh is no reason to warn.
+pub fn check(
+    path: &str,
+    mesh: &MeshDesc,
+    shutter: Shutter,
+    warnings: &mut Vec<Warning>,
+) -> Option<CheckedMesh> {
+    let authored = &*mesh.topology;
+    if authored.face_vertex_counts.is_empty() || mesh.points.points.iter().all(|p| p.is_empty()) {
+        return None;
+    }
+    let needed = authored
+        .face_vertex_indices
+        .iter()
+        .max()
+        .map_or(0, |&v| v as usize + 1);
+    let PointKeys { times, mut points } =
+        point_keys(path, &mesh.points, needed, shutter, warnings)?;
+    let vertex_count = points[0].len();
+
+    let finite: Vec<bool> = (0..vertex_count)
+        .map(|v| points.iter().all(|key| usable(key[v])))
+        .collect();
+    let kept = keep_faces(path, authored, &finite, warnings);
+    // What nothing refers to any more must still not reach arithmetic.
+    for key in &mut points {
+        for (p, finite) in key.iter_mut().zip(&finite) {
+            if !finite {
+                *p = Vec3::ZERO;
+            }
+        }
+    }
+    if kept.elements.is_empty() {
+        return None;
+    }
+    let in_range = |v: u32| (v as usize) < vertex_count;
+    let sound = |c: &&Crease| {
+        c.vertices.len() >= 2
+            && c.sharpness.len() + 1 == c.vertices.len()
+            && c.vertices.iter().all(|&v| in_range(v))
+            && c.sharpness.iter().all(|s| s.is_finite() && *s >= 0.0)
+    };
+    let creases: Vec<Crease> = authored.creases.iter().filter(sound).cloned().collect();
+    let corners: Vec<(u32, f32)> = authored
+        .corners
+        .iter()
+        .copied()
+        .filter(|&(v, s)| in_range(v) && s.is_finite() && s >= 0.0)
+        .collect();
+    let lost = authored.creases.len() - creases.len() + authored.corners.len() - corners.len();
+    if lost > 0 {
+        let text = format!("{lost} creases or corners have bad indices or sharpness; ignored");
+        warnings.push(Warning::new(path, Code::Topology, text));
+    }
+    let new_face: std::collections::HashMap<u32, u32> = kept
+        .elements
+        .iter()
+        .enumerate()
+        .map(|(i, &e)| (e, i as u32))
+        .collect();
+    let holes = authored
+        .holes
+        .iter()
+        .filter_map(|h| new_face.get(h).copied())
+        .collect();
+    let topology = MeshTopology {
+        vertex_count,
+        face_vertex_counts: kept.counts,
+        face_vertex_indices: kept
+            .face_vertices
+            .iter()
+            .map(|&i| authored.face_vertex_indices[i as usize])
+            .collect(),
+        holes,
+        creases,
+        corners,
+        ..*authored
+    };
+    Some(CheckedMesh {
+        topology,
+        elements: kept.elements,
+        face_vertices: kept.face_vertices,
+        authored_faces: authored.face_vertex_counts.len(),
+        authored_face_vertices: authored.face_vertex_indices.len(),
+        points: PointKeys { times, points },
+    })
+}
+
+#[derive(Default)]
+struct Kept {
+    elements: Vec<u32>,
+    counts: Vec<u32>,
+    face_vertices: Vec<u32>,
+}
+
+fn keep_faces(
+    path: &str,
+    authored: &MeshTopology,
+    finite: &[bool],
+    warnings: &mut Vec<Warning>,
+) -> Kept {
+    let indices = &authored.face_vertex_indices;
+    let mut kept = Kept::default();
+    let (mut small, mut outside, mut not_finite) = (0usize, 0usize, 0usize);
+    let mut start = 0usize;
+    let mut short = None;
+    for (face, &count) in authored.face_vertex_counts.iter().enumerate() {
+        let end = start.saturating_add(count as usize);
+        if end > indices.len() {
+            short = Some(face);
+            break;
+        }
+        let corners = &indices[start..end];
+        if count < 3 {
+            small += 1;
+        } else if corners.iter().any(|&v| v as usize >= finite.len()) {
+            outside += 1;
+        } else if corners.iter().any(|&v| !finite[v as usize]) {
+            not_finite += 1;
+        } else {
+            kept.elements.push(face as u32);
+            kept.counts.push(count);
+            kept.face_vertices.extend(start as u32..end as u32);
+        }
+        start = end;
+    }
+    let faces = authored.face_vertex_counts.len();
+    let mut complain = |code, text: String| warnings.push(Warning::new(path, code, text));
+    if let Some(face) = short {
+        complain(
+            Code::Topology,
+            format!(
+                "faceVertexCounts ask for more than the {} faceVertexIndices; the last {} of {faces} \
+                 faces are dropped",
+                indices.len(),
+                faces - face
+            ),
+        );
+    } else if start < indices.len() {
+        complain(
+            Code::Topology,
+            format!(
+                "faceVertexCounts sum to {start} but there are {} faceVertexIndices; the last {} are \
+                 ignored",
+                indices.len(),
+                indices.len() - start
+            ),
+        );
+    }
+    if outside > 0 {
+        complain(
+            Code::Topology,
+            format!(
+                "{outside} of {faces} faces refer to points that do not exist ({} points); dropped",
+                finite.len()
+            ),
+        );
+    }
+    if small > 0 {
+        complain(
+            Code::Topology,
+            format!("{small} of {faces} faces have fewer than 3 vertices; dropped"),
+        );
+    }
+    if not_finite > 0 {
+        complain(
+            Code::NotFinite,
+            format!("{not_finite} of {faces} faces have points that are not finite; dropped"),
+        );
+    }
+    kept
+}
+
+/// Points at keys across the shutter; equal keys become one. Samples that differ in length cannot be
+/// blended: one is taken, that has at least `needed` points where there is such a one.
+pub fn point_keys(
+    path: &str,
+    samples: &PointsSamples,
+    needed: usize,
+    shutter: Shutter,
+    warnings: &mut Vec<Warning>,
+) -> Option<PointKeys> {
+    let count = samples.points.len().min(samples.times.len());
+    let lengths = samples.points[..count].iter().map(|p| p.len());
+    if lengths.clone().min() != lengths.max() {
+        // The authored topology is the frame's; so take the sample nearest to it that fits.
+        let best = (0..count).min_by(|&a, &b| {
+            let rank = |i: usize| (samples.points[i].len() < needed, samples.times[i].abs());
+            rank(a)
+                .partial_cmp(&rank(b))
+                .unwrap_or(std::cmp::Ordering::Equal)
+        })?;
+        let text = "point samples differ in length within the shutter; one sample is rendered, \
+                    without deformation blur";
+        warnings.push(Warning::new(path, Code::TimeSamples, text));
+        return Some(PointKeys {
+            times: vec![0.0],
+            points: vec![samples.points[best].to_vec()],
+        });
+    }
+    let Some(timeline) = Timeline::new(&samples.times[..count], shutter) else {
+        let text = "no point sample has a finite time; the prim is dropped";
+        warnings.push(Warning::new(path, Code::TimeSamples, text));
+        return None;
+    };
+    let times = timeline.key_times(shutter.is_still());
+    let points: Vec<Vec<Vec3>> = times
+        .iter()
+        .map(|&t| {
+            let blend = timeline.blend(t);
+            let (a, b) = (&samples.points[blend.a], &samples.points[blend.b]);
+            if blend.f == 0.0 {
+                return a.to_vec();
+            }
+            let mix = |(a, b): (&Vec3, &Vec3)| {
+                (a.as_dvec3() * (1.0 - blend.f) + b.as_dvec3() * blend.f).as_vec3()
+            };
+            a.iter().zip(b.iter()).map(mix).collect()
+        })
+        .collect();
+    if points.windows(2).all(|w| w[0] == w[1]) {
+        return Some(PointKeys {
+            times: vec![0.0],
+            points: points.into_iter().take(1).collect(),
+        });
+    }
+    Some(PointKeys {
+        times: times.iter().map(|&t| t as f32).collect(),
+        points,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::Arc;
+
+    fn quads(counts: &[u32], indices: &[u32], points: Vec<Vec3>) -> MeshDesc {
+        MeshDesc {
+            topology: Arc::new(MeshTopology {
+                face_vertex_counts: counts.to_vec(),
+                face_vertex_indices: indices.to_vec(),
+                ..MeshTopology::default()
+            }),
+            points: PointsSamples {
+                times: vec![0.0],
+                points: vec![Arc::new(points)],
+            },
+        }
+    }
+
+    fn six() -> Vec<Vec3> {
+        (0..6)
+            .map(|i| Vec3::new((i % 3) as f32, (i / 3) as f32, 0.0))
+            .collect()
+    }
+
+    fn run(mesh: &MeshDesc) -> (Option<CheckedMesh>, Vec<Warning>) {
+        let mut warnings = Vec::new();
+        let out = check(
+            "/m",
+            mesh,
+            Shutter {
+                open: -0.5,
+                close: 0.5,
+            },
+            &mut warnings,
+        );
+        (out, warnings)
+    }
+
+    #[test]
+    fn good_faces_stay_with_their_numbers() {
+        let mesh = quads(
+            &[4, 4, 2, 4],
+            &[0, 1, 4, 3, 9, 1, 2, 5, 0, 1, 1, 2, 5, 4],
+            six(),
+        );
+        let (out, warnings) = run(&mesh);
+        let out = out.unwrap();
+        assert_eq!(out.elements, vec![0, 3]);
+        assert_eq!(
+            out.topology.face_vertex_indices,
+            vec![0, 1, 4, 3, 1, 2, 5, 4]
+        );
+        assert_eq!(out.face_vertices, vec![0, 1, 2, 3, 10, 11, 12, 13]);
+        assert_eq!(warnings.len(), 2);
+    }
+
+    #[test]
+    fn nan_points_take_their_faces_only() {
+        let mut points = six();
+        points[5].y = f32::NAN;
+        let (out, warnings) = run(&quads(&[4, 4], &[0, 1, 4, 3, 1, 2, 5, 4], points));
+        let out = out.unwrap();
+        assert_eq!(out.elements, vec![0]);
+        assert!(out.points.points[0].iter().all(|p| p.is_finite()));
+        assert_eq!(warnings[0].code, Code::NotFinite);
+    }
+
+    #[test]
+    fn counts_that_ask_too_much_and_too_little() {
+        let (out, warnings) = run(&quads(&[4, 4], &[0, 1, 4, 3, 1], six()));
+        assert_eq!(out.unwrap().elements, vec![0]);
+        assert_eq!(warnings.len(), 1);
+        let (out, warnings) = run(&quads(&[4], &[0, 1, 4, 3, 1], six()));
+        assert_eq!(out.unwrap().elements, vec![0]);
+        assert_eq!(warnings.len(), 1);
+        let (out, _) = run(&quads(&[u32::MAX, u32::MAX], &[0, 1, 4, 3], six()));
+        assert!(out.is_none());
+    }
+
+    #[test]
+    fn empty_is_silent() {
+        let (out, warnings) = run(&quads(&[], &[], vec![]));
+        assert!(out.is_none() && warnings.is_empty());
+    }
+
+    #[test]
+    fn equal_samples_are_one_key_and_lengths_must_agree() {
+        let mut mesh = quads(&[4], &[0, 1, 4, 3], six());
+        let moved: Vec<Vec3> = six().iter().map(|p| *p + Vec3::Z).collect();
+        mesh.points.times = vec![-1.0, 1.0];
+        mesh.points.points = vec![Arc::new(six()), Arc::new(six())];
+        assert_eq!(run(&mesh).0.unwrap().points.points.len(), 1);
+        mesh.points.points[1] = Arc::new(moved);
+        let out = run(&mesh).0.unwrap();
+        assert_eq!(out.points.times, vec![0.0, 1.0]);
+        assert!((out.points.points[1][0].z - 0.75).abs() < 1e-6);
+        mesh.points.points[1] = Arc::new(six()[..5].to_vec());
+        let (out, warnings) = run(&mesh);
+        assert_eq!(out.unwrap().points.points.len(), 1);
+        assert_eq!(warnings[0].code, Code::TimeSamples);
+    }
+}

@@ -1,0 +1,12 @@
+//! From what hosts describe to what dicing takes: checked topology, points at keys, primvars as
+//! channels, transforms as paths. Everything that is wrong with a prim is found here: it is repaired
+//! or dropped with one warning, and nothing that is not finite goes further.
+//!
+//! `mesh` checks topology and points, `primvar` resolves one primvar, `route` decides how the prim
+//! reaches the world (flattened, or instanced), `measure` how large it is on screen.
+
+pub mod grids;
+pub mod measure;
+pub mod mesh;
+pub mod primvar;
+pub mod route;
