@@ -7,7 +7,7 @@
 #![allow(unsafe_code)]
 
 #[cxx::bridge(namespace = "hdtrapeze::osd")]
-#[allow(missing_docs, unused_qualifications, dead_code)]
+#[allow(missing_docs, unused_qualifications)]
 pub(crate) mod ffi {
     /// Checked topology, in OpenSubdiv's own terms.
     struct MeshSpec<'a> {
@@ -55,6 +55,9 @@ pub(crate) mod ffi {
     unsafe extern "C++" {
         include!("hdtrapeze-osd/src/cpp/bridge.h");
 
+        /// OPENSUBDIV_VERSION_NUMBER of the headers: 30500 is 3.5.0.
+        fn library_version() -> i32;
+
         /// Irregular patches, shared by meshes that have the same options; thread-safe.
         type PatchCache;
         fn make_cache() -> SharedPtr<PatchCache>;
@@ -78,6 +81,9 @@ pub(crate) mod ffi {
             values: &[f32],
             size: usize,
         ) -> Result<PatchInfo>;
+        /// Weights of the 12 control points of a regular Loop triangle at one place, which tell its
+        /// arrangement of boundaries; empty for other patches.
+        fn signature(self: &Patch) -> &[f32];
         /// Patch points of the bound face, `size` floats each.
         fn points(self: &Patch) -> &[f32];
         /// Evaluates at `uv` (pairs, in the library's parameterization), with first derivatives

@@ -1,20 +1,25 @@
 //! [`OsdEvaluator`]: one thread's view of an [`OsdSurface`].
 //!
 //! Binding a face makes the library gather the control points of all keys side by side and derive
-//! the remaining patch points; a lattice is then evaluated in one call. Channels are bound when they
-//! are first asked for.
+//! the remaining patch points (once per face). Lattices are then evaluated here: regular patches and
+//! the regular cells of irregular ones as B-splines with row sums, cells at extraordinary vertices as
+//! Gregory patches, Loop triangles as quartics. What does not fit (irregular Loop triangles, patches
+//! whose structure was not recognised) goes to the library, a lattice a call.
+//!
+//! Channels are bound when they are first asked for.
+
+use std::collections::HashMap;
 
 use cxx::UniquePtr;
-use glam::{Vec2, Vec3};
-use hdtrapeze_core::surface::{
-    ChannelKind, LimitEvaluator, LimitSamples, LimitSurface, PatchDomain,
-};
+use glam::{Vec2, Vec3, Vec4, Vec4Swizzles};
+use hdtrapeze_core::surface::{LimitEvaluator, LimitSamples, LimitSurface, PatchDomain};
 
 use crate::bridge::ffi;
 use crate::domain::Parameterization;
-use crate::linear;
 use crate::normal;
-use crate::surface::{OsdSurface, POINT};
+use crate::patch::{LaneSample, Patches, Shape};
+use crate::shapes::Source;
+use crate::surface::{ChannelSource, OsdSurface, POINT};
 
 /// No face is bound.
 const UNBOUND: u32 = u32::MAX;
@@ -22,122 +27,235 @@ const UNBOUND: u32 = u32::MAX;
 /// The surface of one kind of data over the bound face.
 struct Bound {
     face: u32,
-    info: ffi::PatchInfo,
+    lanes: usize,
     patch: UniquePtr<ffi::Patch>,
+    /// Corner values of a linear surface.
+    corners: Vec<f32>,
+    state: State,
+    patches: Patches,
+}
+
+/// Who evaluates a bound surface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum State {
+    /// Nobody: there is no surface.
+    None,
+    /// The library, from its own patch points.
+    Library,
+    /// [`Patches`], from the library's patch points.
+    Patches,
+    /// [`Patches`], from `corners`.
+    Linear,
 }
 
 impl Bound {
-    fn new() -> Self {
+    fn new(lanes: usize) -> Self {
         Self {
             face: UNBOUND,
-            info: ffi::PatchInfo::default(),
+            lanes,
             patch: ffi::make_patch(),
+            corners: Vec::new(),
+            state: State::None,
+            patches: Patches::default(),
         }
     }
 
-    /// Binds `face` for `values` of `size` floats, unless it is bound already. A face that the
-    /// library refuses is left without a valid surface.
-    fn bind(&mut self, surface: &OsdSurface, face: u32, channel: i32, values: &[f32], size: usize) {
-        if self.face == face {
-            return;
-        }
+    /// Binds `face` of the library's surface over `values` (`lanes * POINT` floats each). A face
+    /// that the library refuses is left without a surface.
+    fn bind_library(
+        &mut self,
+        surface: &OsdSurface,
+        face: u32,
+        channel: i32,
+        values: &[f32],
+        known: Option<&mut HashMap<u64, Shape>>,
+    ) {
         self.face = face;
-        let library_face = surface.library_face(face);
-        self.info = match surface.mesh.as_ref() {
-            Some(mesh) => self
-                .patch
-                .pin_mut()
-                .bind(mesh, library_face, channel, values, size)
-                .unwrap_or_default(),
-            None => ffi::PatchInfo::default(),
+        self.state = State::None;
+        let Some(mesh) = surface.mesh.as_ref() else {
+            return;
         };
+        let library_face = surface.library_face(face);
+        let size = self.lanes * POINT;
+        let bound = self
+            .patch
+            .pin_mut()
+            .bind(mesh, library_face, channel, values, size);
+        let Some(info) = bound.ok().filter(|info| info.valid) else {
+            return;
+        };
+        let source = Source {
+            mesh,
+            is_loop: surface.is_loop,
+            library_face,
+            channel,
+        };
+        let shape = match known {
+            Some(known) => surface.shared.shape(&self.patch, &info, &source, known),
+            None => Shape::Library,
+        };
+        self.state = match shape {
+            Shape::Library => State::Library,
+            _ => State::Patches,
+        };
+        self.patches.reset(shape, self.lanes);
     }
+
+    /// Binds `face` as linear between corner values.
+    fn bind_linear(&mut self, face: u32, values: &[f32], corners: impl Iterator<Item = usize>) {
+        self.face = face;
+        self.state = State::Linear;
+        let size = self.lanes * POINT;
+        self.corners.clear();
+        for i in corners {
+            self.corners
+                .extend_from_slice(&values[i * size..(i + 1) * size]);
+        }
+        let count = self.corners.len() / size;
+        self.patches.reset(Shape::Linear(count as u32), self.lanes);
+    }
+
+    /// Evaluates all lanes at every `st`. False where there is no surface.
+    fn evaluate(
+        &mut self,
+        place: &Place<'_>,
+        derivatives: bool,
+        uv: &mut Vec<f32>,
+        mut sink: impl FnMut(usize, usize, LaneSample),
+    ) -> bool {
+        let Place {
+            parameterization,
+            domain,
+            st,
+        } = *place;
+        match self.state {
+            State::None => return false,
+            State::Linear => {
+                let points = &self.corners;
+                self.patches
+                    .evaluate(points, parameterization, domain, st, derivatives, sink);
+            }
+            State::Patches => {
+                let points = self.patch.points();
+                self.patches
+                    .evaluate(points, parameterization, domain, st, derivatives, sink);
+            }
+            State::Library => {
+                uv.clear();
+                parameterization.append_uv(domain, st, uv);
+                if self.patch.pin_mut().evaluate(uv, derivatives).is_err() {
+                    return false;
+                }
+                let lanes = self.lanes;
+                let at = |values: &[f32], i: usize, lane: usize| {
+                    Vec4::from_slice(&values[(i * lanes + lane) * POINT..])
+                };
+                let (p, du, dv) = (self.patch.position(), self.patch.du(), self.patch.dv());
+                for i in 0..st.len() {
+                    for lane in 0..lanes {
+                        let derivative = |values: &[f32]| match derivatives {
+                            true => at(values, i, lane),
+                            false => Vec4::ZERO,
+                        };
+                        let sample = LaneSample {
+                            position: at(p, i, lane),
+                            du: derivative(du),
+                            dv: derivative(dv),
+                        };
+                        sink(i, lane, sample);
+                    }
+                }
+            }
+        }
+        true
+    }
+}
+
+/// Where on the bound face.
+struct Place<'a> {
+    parameterization: Parameterization,
+    domain: PatchDomain,
+    st: &'a [Vec2],
 }
 
 /// Evaluates the faces of an [`OsdSurface`].
 pub struct OsdEvaluator<'a> {
     surface: &'a OsdSurface,
     face: u32,
+    /// Vertices of the bound face.
+    size: usize,
+    by_library: bool,
     vertex: Bound,
     channels: Vec<Bound>,
+    known: HashMap<u64, Shape>,
     uv: Vec<f32>,
 }
 
 impl<'a> OsdEvaluator<'a> {
-    pub(crate) fn new(surface: &'a OsdSurface) -> Self {
+    pub(crate) fn new(surface: &'a OsdSurface, by_library: bool) -> Self {
         Self {
             surface,
             face: UNBOUND,
-            vertex: Bound::new(),
-            channels: surface.channels.iter().map(|_| Bound::new()).collect(),
+            size: 0,
+            by_library,
+            vertex: Bound::new(surface.key_count()),
+            channels: surface
+                .channels
+                .iter()
+                .map(|c| Bound::new(c.lanes))
+                .collect(),
+            known: HashMap::new(),
             uv: Vec::new(),
         }
     }
 
-    /// Where a face without a surface is put: its first vertex, or the origin.
-    fn collapse(&self, count: usize, out: &mut LimitSamples) {
-        let keys = self.surface.key_count();
-        let vertex = match self.face {
-            UNBOUND => None,
-            face => self.surface.face_vertices(face).first(),
-        };
-        for key in 0..keys {
-            let p = vertex.map_or(Vec3::ZERO, |&v| {
-                Vec3::from_slice(&self.surface.points[(v as usize * keys + key) * POINT..])
-            });
-            out.positions.extend(std::iter::repeat_n(p, count));
+    /// Whether the bound face is evaluated by the library, a call a point, and not by lattices here.
+    pub fn is_by_library(&self) -> bool {
+        self.vertex.state == State::Library
+    }
+
+    fn place<'s>(&self, domain: PatchDomain, st: &'s [Vec2]) -> Place<'s> {
+        Place {
+            parameterization: Parameterization::of_face(self.surface.is_loop, self.size),
+            domain,
+            st,
         }
     }
 
-    /// One library call a point: any patch, exactly as the library has it.
-    fn evaluate_by_library(
-        &mut self,
-        domain: PatchDomain,
-        st: &[Vec2],
-        with_normals: bool,
-        out: &mut LimitSamples,
-    ) {
-        let param =
-            Parameterization::of_face(self.surface.is_loop, self.vertex.info.face_size as usize);
-        self.uv.clear();
-        param.append_uv(domain, st, &mut self.uv);
-        let mut patch = self.vertex.patch.pin_mut();
-        if patch.as_mut().evaluate(&self.uv, with_normals).is_err() {
-            return self.collapse(st.len(), out);
-        }
+    /// Where a face without a surface is put: its first vertex, or the origin.
+    fn collapse(&self, out: &mut LimitSamples, count: usize) {
         let keys = self.surface.key_count();
-        let stride = keys * POINT;
-        let at = |values: &[f32], key: usize, i: usize| {
-            Vec3::from_slice(&values[i * stride + key * POINT..])
+        let vertex = match self.size {
+            0 => None,
+            _ => self.surface.face_vertices(self.face).first(),
         };
-        let position = self.vertex.patch.position();
-        for key in 0..keys {
-            out.positions
-                .extend((0..st.len()).map(|i| at(position, key, i)));
+        for (key, out) in out.positions.chunks_exact_mut(count.max(1)).enumerate() {
+            out.fill(vertex.map_or(Vec3::ZERO, |&v| {
+                Vec3::from_slice(&self.surface.points[(v as usize * keys + key) * POINT..])
+            }));
         }
-        if !with_normals {
+    }
+
+    fn bind_channel(&mut self, channel: usize) {
+        let (surface, face) = (self.surface, self.face);
+        let bound = &mut self.channels[channel];
+        if bound.face == face {
             return;
         }
-        let (du, dv) = (self.vertex.patch.du(), self.vertex.patch.dv());
-        let mut undefined = Vec::new();
-        for key in 0..keys {
-            for i in 0..st.len() {
-                match normal::unit_normal(at(du, key, i), at(dv, key, i)) {
-                    Some(n) => out.normals.push(n),
-                    None => {
-                        undefined.push((key, i));
-                        out.normals.push(Vec3::ZERO);
-                    }
-                }
+        let data = &surface.channels[channel];
+        let known = (!self.by_library).then_some(&mut self.known);
+        match data.source {
+            ChannelSource::Vertex => bound.bind_library(surface, face, -1, &data.values, known),
+            ChannelSource::FaceVarying(library_channel) => {
+                bound.bind_library(surface, face, library_channel, &data.values, known);
             }
-        }
-        for (key, i) in undefined {
-            self.uv.clear();
-            param.append_uv(domain, &[normal::nudged(st[i])], &mut self.uv);
-            if self.vertex.patch.pin_mut().evaluate(&self.uv, true).is_ok() {
-                let (du, dv) = (self.vertex.patch.du(), self.vertex.patch.dv());
-                out.normals[key * st.len() + i] =
-                    normal::unit_normal(at(du, key, 0), at(dv, key, 0)).unwrap_or(Vec3::ZERO);
+            ChannelSource::LinearVertex => {
+                let vertices = surface.face_vertices(face);
+                bound.bind_linear(face, &data.values, vertices.iter().map(|&v| v as usize));
+            }
+            ChannelSource::LinearFaceVarying(number) => {
+                let indices = surface.value_indices(number, face, self.size);
+                bound.bind_linear(face, &data.values, indices.iter().map(|&i| i as usize));
             }
         }
     }
@@ -145,15 +263,26 @@ impl<'a> OsdEvaluator<'a> {
 
 impl LimitEvaluator for OsdEvaluator<'_> {
     fn bind(&mut self, face: u32) {
-        self.face = face;
+        if self.face == face {
+            return;
+        }
         let surface = self.surface;
-        self.vertex.bind(
-            surface,
-            face,
-            -1,
-            &surface.points,
-            surface.key_count() * POINT,
-        );
+        self.face = face;
+        self.size = match (face as usize) < surface.face_count() {
+            true => surface.face_vertices(face).len(),
+            false => 0,
+        };
+        if self.size == 0 {
+            self.vertex.state = State::None;
+            self.vertex.face = face;
+        } else if surface.is_bilinear && !self.by_library {
+            let vertices = surface.face_vertices(face).iter().map(|&v| v as usize);
+            self.vertex.bind_linear(face, &surface.points, vertices);
+        } else {
+            let known = (!self.by_library).then_some(&mut self.known);
+            self.vertex
+                .bind_library(surface, face, -1, &surface.points, known);
+        }
     }
 
     fn evaluate(
@@ -163,19 +292,51 @@ impl LimitEvaluator for OsdEvaluator<'_> {
         with_normals: bool,
         out: &mut LimitSamples,
     ) {
+        let (count, keys) = (st.len(), self.surface.key_count());
         out.positions.clear();
+        out.positions.resize(count * keys, Vec3::ZERO);
         out.normals.clear();
-        if self.vertex.info.valid {
-            self.evaluate_by_library(domain, st, with_normals, out);
-        } else {
-            self.collapse(st.len(), out);
-        }
-        if with_normals {
-            // Only a face without a surface leaves normals out.
-            out.normals.resize(out.positions.len(), Vec3::ZERO);
-            if self.surface.is_left_handed {
-                out.normals.iter_mut().for_each(|n| *n = -*n);
+        let place = self.place(domain, st);
+        let positions = &mut out.positions[..];
+        if !with_normals {
+            let sink = |i: usize, key: usize, sample: LaneSample| {
+                positions[key * count + i] = sample.position.xyz();
+            };
+            if !self.vertex.evaluate(&place, false, &mut self.uv, sink) {
+                self.collapse(out, count);
             }
+            return;
+        }
+        out.normals.resize(count * keys, Vec3::ZERO);
+        let normals = &mut out.normals[..];
+        let front = if self.surface.is_left_handed {
+            -1.0
+        } else {
+            1.0
+        };
+        let mut undefined = Vec::new();
+        let sink = |i: usize, key: usize, sample: LaneSample| {
+            let at = key * count + i;
+            positions[at] = sample.position.xyz();
+            match normal::unit_normal(sample.du.xyz(), sample.dv.xyz()) {
+                Some(n) => normals[at] = n * front,
+                None => undefined.push((i, key)),
+            }
+        };
+        if !self.vertex.evaluate(&place, true, &mut self.uv, sink) {
+            return self.collapse(out, count);
+        }
+        for (i, key) in undefined {
+            let st = [normal::nudged(st[i])];
+            let place = self.place(domain, &st);
+            let normal = &mut out.normals[key * count + i];
+            let sink = |_: usize, k: usize, sample: LaneSample| {
+                if k == key {
+                    let n = normal::unit_normal(sample.du.xyz(), sample.dv.xyz());
+                    *normal = n.unwrap_or(Vec3::ZERO) * front;
+                }
+            };
+            self.vertex.evaluate(&place, true, &mut self.uv, sink);
         }
     }
 
@@ -187,37 +348,18 @@ impl LimitEvaluator for OsdEvaluator<'_> {
         out: &mut Vec<f32>,
     ) {
         out.clear();
-        let surface = self.surface;
-        let data = &surface.channels[channel];
-        let width = data.width;
-        if !self.vertex.info.valid {
-            out.resize(st.len() * width, 0.0);
+        let width = self.surface.channels[channel].width;
+        out.resize(st.len() * width, 0.0);
+        if self.size == 0 {
             return;
         }
-        let size = self.vertex.info.face_size as usize;
-        if data.kind == ChannelKind::Varying {
-            let vertices = surface.face_vertices(self.face);
-            let corner = |i: usize| &data.values[vertices[i] as usize * width..][..width];
-            linear::interpolate(surface.is_loop, size, width, corner, domain, st, out);
-            return;
-        }
-        let bound = &mut self.channels[channel];
-        bound.bind(
-            surface,
-            self.face,
-            data.library_channel,
-            &data.values,
-            width,
-        );
-        if !bound.info.valid {
-            out.resize(st.len() * width, 0.0);
-            return;
-        }
-        self.uv.clear();
-        Parameterization::of_face(surface.is_loop, size).append_uv(domain, st, &mut self.uv);
-        match bound.patch.pin_mut().evaluate(&self.uv, false) {
-            Ok(()) => out.extend_from_slice(bound.patch.position()),
-            Err(_) => out.resize(st.len() * width, 0.0),
-        }
+        self.bind_channel(channel);
+        let place = self.place(domain, st);
+        let sink = |i: usize, lane: usize, sample: LaneSample| {
+            let start = lane * POINT;
+            let part = (width - start).min(POINT);
+            out[i * width + start..][..part].copy_from_slice(&sample.position.to_array()[..part]);
+        };
+        self.channels[channel].evaluate(&place, false, &mut self.uv, sink);
     }
 }

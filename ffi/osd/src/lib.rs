@@ -18,8 +18,9 @@
 mod bridge;
 mod domain;
 pub mod evaluator;
-mod linear;
 mod normal;
+mod patch;
+mod shapes;
 pub mod surface;
 mod topology;
 

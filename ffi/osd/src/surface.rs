@@ -1,29 +1,64 @@
 //! [`OsdSurface`]: a mesh with its limit surface, shared between threads; [`OsdFactory`] makes it.
 
 use std::collections::HashMap;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use cxx::SharedPtr;
 use glam::Vec3;
 use hdtrapeze_core::surface::{
-    BoundaryInterpolation, Channel, ChannelInfo, ChannelKind, LimitEvaluator, LimitSurface,
-    MeshTopology, Orientation, Scheme, SubdivisionFactory, SurfaceError, TriangleRule,
+    BoundaryInterpolation, Channel, ChannelInfo, ChannelKind, FaceVaryingLinear, LimitEvaluator,
+    LimitSurface, MeshTopology, Orientation, Scheme, SubdivisionFactory, SurfaceError,
+    TriangleRule,
 };
 
 use crate::bridge::ffi;
 use crate::evaluator::OsdEvaluator;
+use crate::shapes::SharedPatches;
 use crate::topology::Prepared;
 
 /// Floats a position takes in control and patch points: x, y, z and one of padding.
 pub(crate) const POINT: usize = 4;
 
+/// How a channel is evaluated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum ChannelSource {
+    /// The limit surface over the vertices.
+    Vertex,
+    /// Linear over each face, from its vertices.
+    LinearVertex,
+    /// The limit surface of the library's face-varying channel.
+    FaceVarying(i32),
+    /// Linear over each face, from the values of the face-varying channel with this number.
+    LinearFaceVarying(usize),
+}
+
 /// A channel as the evaluators read it.
 pub(crate) struct ChannelData {
-    pub(crate) kind: ChannelKind,
+    pub(crate) source: ChannelSource,
     pub(crate) width: usize,
+    /// Width in lanes of [`POINT`] floats.
+    pub(crate) lanes: usize,
+    /// `[value][lane][POINT]`, padded with zeros.
     pub(crate) values: Vec<f32>,
-    /// The library's face-varying channel, or -1.
-    pub(crate) library_channel: i32,
+}
+
+impl ChannelData {
+    fn new(channel: &Channel, source: ChannelSource) -> Self {
+        let lanes = channel.width.div_ceil(POINT);
+        let mut values = vec![0.0; channel.values.len() / channel.width * lanes * POINT];
+        for (to, from) in values
+            .chunks_exact_mut(lanes * POINT)
+            .zip(channel.values.chunks_exact(channel.width))
+        {
+            to[..channel.width].copy_from_slice(from);
+        }
+        Self {
+            source,
+            width: channel.width,
+            lanes,
+            values,
+        }
+    }
 }
 
 /// A subdivision mesh that can be evaluated at the limit.
@@ -31,7 +66,8 @@ pub struct OsdSurface {
     pub(crate) mesh: SharedPtr<ffi::Mesh>,
     pub(crate) is_loop: bool,
     pub(crate) is_left_handed: bool,
-    is_bilinear: bool,
+    pub(crate) is_bilinear: bool,
+    pub(crate) shared: Arc<SharedPatches>,
     face_starts: Vec<u32>,
     face_vertices: Vec<u32>,
     library_face: Vec<i32>,
@@ -39,6 +75,11 @@ pub struct OsdSurface {
     /// `[vertex][key][POINT]`: all keys of a vertex lie side by side.
     pub(crate) points: Vec<f32>,
     pub(crate) channels: Vec<ChannelData>,
+    /// Start of each face in the face-vertices that the library knows.
+    corner_starts: Vec<u32>,
+    /// Value indices of the face-varying channels over those face-vertices.
+    channel_indices: Vec<i32>,
+    corner_count: usize,
     channel_infos: Vec<ChannelInfo>,
 }
 
@@ -46,6 +87,23 @@ impl OsdSurface {
     /// The library's number of a face, or -1 where it was dropped.
     pub(crate) fn library_face(&self, face: u32) -> i32 {
         self.library_face.get(face as usize).copied().unwrap_or(-1)
+    }
+
+    /// Value indices of the corners of a face in a face-varying channel.
+    pub(crate) fn value_indices(&self, channel: usize, face: u32, size: usize) -> &[i32] {
+        let start = channel * self.corner_count + self.corner_starts[face as usize] as usize;
+        &self.channel_indices[start..start + size]
+    }
+
+    /// The evaluator behind [`LimitSurface::evaluator`], as its own type.
+    pub fn lattice_evaluator(&self) -> OsdEvaluator<'_> {
+        OsdEvaluator::new(self, false)
+    }
+
+    /// An evaluator that asks the library for every point on its own: the oracle of tests and
+    /// benches, several times slower.
+    pub fn library_evaluator(&self) -> OsdEvaluator<'_> {
+        OsdEvaluator::new(self, true)
     }
 }
 
@@ -70,7 +128,7 @@ impl LimitSurface for OsdSurface {
         self.is_bilinear
     }
     fn evaluator(&self) -> Box<dyn LimitEvaluator + '_> {
-        Box::new(OsdEvaluator::new(self))
+        Box::new(self.lattice_evaluator())
     }
 }
 
@@ -79,7 +137,7 @@ type CacheKey = (Scheme, BoundaryInterpolation, TriangleRule, u8);
 /// Makes [`OsdSurface`]s. Irregular patches are shared by all meshes with the same options.
 #[derive(Default)]
 pub struct OsdFactory {
-    caches: Mutex<HashMap<CacheKey, SharedPtr<ffi::PatchCache>>>,
+    caches: Mutex<HashMap<CacheKey, Arc<SharedPatches>>>,
 }
 
 impl OsdFactory {
@@ -88,7 +146,7 @@ impl OsdFactory {
         Self::default()
     }
 
-    fn cache(&self, topology: &MeshTopology) -> SharedPtr<ffi::PatchCache> {
+    fn shared(&self, topology: &MeshTopology) -> Arc<SharedPatches> {
         let key = (
             topology.scheme,
             topology.boundary,
@@ -99,7 +157,7 @@ impl OsdFactory {
             .lock()
             .unwrap_or_else(PoisonError::into_inner)
             .entry(key)
-            .or_insert_with(ffi::make_cache)
+            .or_insert_with(|| Arc::new(SharedPatches::new()))
             .clone()
     }
 
@@ -121,49 +179,54 @@ impl OsdFactory {
         }
         let mut prepared = Prepared::new(topology, &channels)?;
         let library = |error: cxx::Exception| SurfaceError::Library(error.what().to_owned());
+        let shared = self.shared(topology);
         let mesh = if prepared.is_empty() {
             SharedPtr::null()
         } else {
-            ffi::make_mesh(&prepared.spec(topology), self.cache(topology)).map_err(library)?
+            ffi::make_mesh(&prepared.spec(topology), shared.cache.clone()).map_err(library)?
         };
         if topology.boundary == BoundaryInterpolation::None {
             drop_faces_without_limit(&mesh, &mut prepared).map_err(library)?;
         }
+        let is_bilinear = topology.scheme == Scheme::Bilinear;
+        let is_linear = is_bilinear || topology.face_varying == FaceVaryingLinear::All;
         let mut face_varying = 0;
+        let channel_infos = channels
+            .iter()
+            .map(|c| ChannelInfo { width: c.width })
+            .collect();
         let channels: Vec<ChannelData> = channels
-            .into_iter()
+            .iter()
             .map(|channel| {
-                let library_channel = match channel.kind {
+                let source = match channel.kind {
+                    ChannelKind::Vertex if !is_bilinear => ChannelSource::Vertex,
+                    ChannelKind::Vertex | ChannelKind::Varying => ChannelSource::LinearVertex,
                     ChannelKind::FaceVarying => {
                         face_varying += 1;
-                        face_varying - 1
+                        match is_linear {
+                            true => ChannelSource::LinearFaceVarying(face_varying - 1),
+                            false => ChannelSource::FaceVarying(face_varying as i32 - 1),
+                        }
                     }
-                    _ => -1,
                 };
-                ChannelData {
-                    kind: channel.kind,
-                    width: channel.width,
-                    values: channel.values,
-                    library_channel,
-                }
+                ChannelData::new(channel, source)
             })
             .collect();
         Ok(OsdSurface {
             mesh,
             is_loop: topology.scheme == Scheme::Loop,
             is_left_handed: topology.orientation == Orientation::LeftHanded,
-            is_bilinear: topology.scheme == Scheme::Bilinear,
+            is_bilinear,
+            shared,
+            corner_count: prepared.corner_count(),
+            corner_starts: prepared.corner_starts,
+            channel_indices: prepared.channel_indices,
             face_starts: prepared.face_starts,
             face_vertices: prepared.face_vertices,
             library_face: prepared.library_face,
             key_count: points.len(),
             points: interleave(points, topology.vertex_count),
-            channel_infos: channels
-                .iter()
-                .map(|channel| ChannelInfo {
-                    width: channel.width,
-                })
-                .collect(),
+            channel_infos,
             channels,
         })
     }

@@ -3,6 +3,10 @@
 //! Repairs what the library would refuse or trip over: a face's repeated neighbours become one
 //! vertex, and a face left with fewer than three is dropped; creases, corners and holes that name
 //! nothing are dropped. Faces keep their authored numbers: `library_face` maps them.
+//!
+//! OpenSubdiv 3.5.0 reads memory that it never wrote where a face has a vertex in the middle of just
+//! two faces, a boundary, and a crease (3.5.1 mends it). With that version the creases around such
+//! faces are left out.
 
 use std::collections::HashSet;
 
@@ -11,10 +15,13 @@ use hdtrapeze_core::surface::{
     SurfaceError, TriangleRule,
 };
 
-use crate::bridge::ffi::MeshSpec;
+use crate::bridge::ffi::{self, MeshSpec};
 
 /// Sharpness from which OpenSubdiv takes an edge or vertex as infinitely sharp.
 const INFINITE_SHARPNESS: f32 = 10.0;
+
+/// The version with the fault that the module's text describes.
+const CREASES_READ_TOO_FAR: i32 = 30500;
 
 /// Most vertices that OpenSubdiv takes in a face, and most faces at a vertex.
 const VALENCE_LIMIT: usize = 65_535;
@@ -29,7 +36,11 @@ pub(crate) struct Prepared {
     corner_sharpness: Vec<f32>,
     holes: Vec<i32>,
     channel_value_counts: Vec<i32>,
-    channel_indices: Vec<i32>,
+    /// Value indices of the face-varying channels, one after the other, each as long as the library's
+    /// vertex indices.
+    pub(crate) channel_indices: Vec<i32>,
+    /// Start of each authored face in the library's vertex indices.
+    pub(crate) corner_starts: Vec<u32>,
     /// Start of each authored face in `face_vertices`, and the end.
     pub(crate) face_starts: Vec<u32>,
     /// Vertices of the authored faces after repair; none for dropped faces and holes.
@@ -80,11 +91,13 @@ impl Prepared {
         let mut kept = Vec::with_capacity(index_count);
         let mut counts = Vec::with_capacity(face_count);
         let mut library_face = Vec::with_capacity(face_count);
+        let mut corner_starts = Vec::with_capacity(face_count);
         let mut valence = vec![0u32; topology.vertex_count];
         let mut start = 0;
         for (face, &count) in topology.face_vertex_counts.iter().enumerate() {
             let vertices = &topology.face_vertex_indices[start..start + count as usize];
             let first = kept.len();
+            corner_starts.push(first as u32);
             for (i, &v) in vertices.iter().enumerate() {
                 let previous = if i == 0 { vertices.len() - 1 } else { i - 1 };
                 if v != vertices[previous] {
@@ -146,6 +159,7 @@ impl Prepared {
                 .map(|channel| (channel.values.len() / channel.width.max(1)) as i32)
                 .collect(),
             channel_indices,
+            corner_starts,
             face_starts,
             face_vertices,
             library_face,
@@ -154,18 +168,52 @@ impl Prepared {
         Ok(prepared)
     }
 
+    fn faces(&self) -> impl Iterator<Item = &[i32]> {
+        let mut rest = &self.indices[..];
+        self.counts.iter().map(move |&count| {
+            let (face, after) = rest.split_at(count as usize);
+            rest = after;
+            face
+        })
+    }
+
+    /// Vertices of faces that have a vertex which two faces surround.
+    fn around_two_face_vertices(&self) -> HashSet<i32> {
+        let around = |face: &[i32], i: usize| {
+            let (a, b) = (
+                face[(i + 1) % face.len()],
+                face[(i + face.len() - 1) % face.len()],
+            );
+            (face[i], a.min(b), a.max(b))
+        };
+        let (mut once, mut twice) = (HashSet::new(), HashSet::new());
+        for face in self.faces() {
+            for i in 0..face.len() {
+                if !once.insert(around(face, i)) {
+                    twice.insert(face[i]);
+                }
+            }
+        }
+        self.faces()
+            .filter(|face| face.iter().any(|v| twice.contains(v)))
+            .flatten()
+            .copied()
+            .collect()
+    }
+
     /// Creases on edges that exist and corners on vertices that exist.
     fn sharpen(&mut self, topology: &MeshTopology) {
         if !topology.creases.is_empty() {
             let mut edges = HashSet::new();
-            let mut start = 0;
-            for &count in &self.counts {
-                let face = &self.indices[start..start + count as usize];
-                start += count as usize;
+            for face in self.faces() {
                 for (i, &a) in face.iter().enumerate() {
                     let b = face[(i + 1) % face.len()];
                     edges.insert((a.min(b), a.max(b)));
                 }
+            }
+            if ffi::library_version() == CREASES_READ_TOO_FAR {
+                let avoid = self.around_two_face_vertices();
+                edges.retain(|(a, b)| !avoid.contains(a) && !avoid.contains(b));
             }
             for crease in &topology.creases {
                 for (pair, &sharpness) in crease.vertices.windows(2).zip(&crease.sharpness) {
@@ -185,6 +233,11 @@ impl Prepared {
                     .push(sharpness.min(INFINITE_SHARPNESS));
             }
         }
+    }
+
+    /// Face-vertices that the library knows.
+    pub(crate) fn corner_count(&self) -> usize {
+        self.indices.len()
     }
 
     /// Nothing is left to refine.

@@ -63,6 +63,8 @@ class PatchCache : public ThreadedCache {
     }
 };
 
+std::int32_t library_version() { return OPENSUBDIV_VERSION_NUMBER; }
+
 std::shared_ptr<PatchCache> make_cache() { return std::make_shared<PatchCache>(); }
 
 Mesh::Mesh(std::unique_ptr<Far::TopologyRefiner> refiner, std::shared_ptr<PatchCache> cache)
@@ -135,6 +137,7 @@ PatchInfo Patch::bind(Mesh const &mesh, std::int32_t face, std::int32_t channel,
     PatchInfo info{};
     last_key = 0;
     size_ = size;
+    signature_.clear();
     if (!init_surface(mesh, face, channel, &surface_)) {
         points_.clear();
         return info;
@@ -145,13 +148,23 @@ PatchInfo Patch::bind(Mesh const &mesh, std::int32_t face, std::int32_t channel,
     info.key = info.regular || info.linear ? 0 : last_key;
     info.face_size = surface_.GetFaceSize();
     info.point_count = surface_.GetNumPatchPoints();
-    if (info.regular && !info.linear && mesh.is_quad_scheme()) {
-        info.mask = boundary_mask(surface_);
+    if (info.regular && !info.linear) {
+        if (mesh.is_quad_scheme()) {
+            info.mask = boundary_mask(surface_);
+        } else {
+            float const inside[2] = {0.29f, 0.43f};
+            signature_.resize(12);
+            surface_.EvaluateStencil(inside, signature_.data());
+        }
     }
     Bfr::Surface<float>::PointDescriptor const layout(static_cast<int>(size));
     points_.resize(static_cast<std::size_t>(info.point_count) * size);
     surface_.PreparePatchPoints(values.data(), layout, points_.data(), layout);
     return info;
+}
+
+rust::Slice<float const> Patch::signature() const {
+    return {signature_.data(), signature_.size()};
 }
 
 rust::Slice<float const> Patch::points() const { return {points_.data(), points_.size()}; }

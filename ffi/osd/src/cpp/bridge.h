@@ -42,6 +42,7 @@ class Patch {
   public:
     PatchInfo bind(Mesh const &mesh, std::int32_t face, std::int32_t channel,
                    rust::Slice<float const> values, std::size_t size);
+    rust::Slice<float const> signature() const;
     rust::Slice<float const> points() const;
     void evaluate(rust::Slice<float const> uv, bool derivatives);
     rust::Slice<float const> position() const;
@@ -51,7 +52,7 @@ class Patch {
   private:
     OpenSubdiv::Bfr::Surface<float> surface_;
     std::size_t size_ = 0;
-    std::vector<float> points_, position_, du_, dv_;
+    std::vector<float> signature_, points_, position_, du_, dv_;
 };
 
 class Weights {
@@ -64,6 +65,7 @@ class Weights {
     std::vector<double> identity_, result_;
 };
 
+std::int32_t library_version();
 std::shared_ptr<PatchCache> make_cache();
 std::shared_ptr<Mesh> make_mesh(MeshSpec const &spec, std::shared_ptr<PatchCache> cache);
 std::unique_ptr<Patch> make_patch();

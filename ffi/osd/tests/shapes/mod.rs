@@ -2,7 +2,7 @@
 #![allow(dead_code, missing_docs)]
 
 use glam::Vec3;
-use hdtrapeze_core::surface::{MeshTopology, Scheme};
+use hdtrapeze_core::surface::{Crease, MeshTopology, Scheme};
 
 pub fn mesh(faces: &[&[u32]], points: Vec<Vec3>) -> (MeshTopology, Vec<Vec3>) {
     let topology = MeshTopology {
@@ -77,4 +77,109 @@ pub fn grid(nx: u32, ny: u32) -> (MeshTopology, Vec<Vec3>) {
         .collect();
     let faces: Vec<&[u32]> = faces.iter().map(|face| face.as_slice()).collect();
     mesh(&faces, points)
+}
+
+/// Random numbers that are the same everywhere (splitmix64).
+pub struct Random(pub u64);
+
+impl Random {
+    pub fn bits(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+    /// In [0, 1).
+    pub fn unit(&mut self) -> f32 {
+        (self.bits() >> 40) as f32 / (1u64 << 24) as f32
+    }
+    pub fn below(&mut self, n: u32) -> u32 {
+        (self.bits() % u64::from(n)) as u32
+    }
+    pub fn chance(&mut self, p: f32) -> bool {
+        self.unit() < p
+    }
+    pub fn vec3(&mut self) -> Vec3 {
+        Vec3::new(self.unit(), self.unit(), self.unit())
+    }
+}
+
+/// A bumpy sheet of quads, triangles, pentagons and hexagons with holes in it; `triangles_only` for
+/// Loop.
+pub fn patchwork(random: &mut Random, n: u32, triangles_only: bool) -> (MeshTopology, Vec<Vec3>) {
+    let (_, mut points) = grid(n, n);
+    for p in &mut points {
+        *p += (random.vec3() - 0.5) * Vec3::new(0.4, 0.4, 1.0);
+    }
+    let w = n + 1;
+    let mut faces: Vec<Vec<u32>> = Vec::new();
+    let mut y = 0;
+    while y < n {
+        let mut x = 0;
+        while x < n {
+            let v = y * w + x;
+            let quad = [v, v + 1, v + w + 1, v + w];
+            let wide = x + 1 < n;
+            let mut kind = random.below(10);
+            if triangles_only {
+                kind = if kind == 0 { 0 } else { 1 + kind % 2 };
+            }
+            match kind {
+                0 => {}
+                1 => faces.extend([
+                    vec![quad[0], quad[1], quad[2]],
+                    vec![quad[0], quad[2], quad[3]],
+                ]),
+                2 => faces.extend([
+                    vec![quad[0], quad[1], quad[3]],
+                    vec![quad[1], quad[2], quad[3]],
+                ]),
+                3 if wide => {
+                    faces.push(vec![v, v + 1, v + 2, v + w + 2, v + w + 1, v + w]);
+                    x += 1;
+                }
+                4 if wide => {
+                    faces.push(vec![v, v + 1, v + 2, v + w + 1, v + w]);
+                    faces.push(vec![v + 2, v + w + 2, v + w + 1]);
+                    x += 1;
+                }
+                _ => {
+                    let mut face = quad.to_vec();
+                    face.rotate_left(random.below(4) as usize);
+                    faces.push(face);
+                }
+            }
+            x += 1;
+        }
+        y += 1;
+    }
+    let faces: Vec<&[u32]> = faces.iter().map(Vec::as_slice).collect();
+    let (mut topology, points) = mesh(&faces, points);
+    if triangles_only {
+        topology.scheme = Scheme::Loop;
+    }
+    (topology, points)
+}
+
+/// Random creases along edges and corners, sharp, half-sharp and infinitely sharp.
+pub fn sharpen(random: &mut Random, topology: &mut MeshTopology, share: f32) {
+    let mut start = 0;
+    for &count in &topology.face_vertex_counts {
+        let face = &topology.face_vertex_indices[start..start + count as usize];
+        start += count as usize;
+        for (i, &a) in face.iter().enumerate() {
+            if random.chance(share) {
+                topology.creases.push(Crease {
+                    vertices: vec![a, face[(i + 1) % face.len()]],
+                    sharpness: vec![[0.7, 2.0, 3.3, 10.0][random.below(4) as usize]],
+                });
+            }
+            if random.chance(0.3 * share) {
+                topology
+                    .corners
+                    .push((a, [1.5, 10.0][random.below(2) as usize]));
+            }
+        }
+    }
 }
