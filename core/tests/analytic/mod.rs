@@ -1,6 +1,9 @@
 //! A limit surface in closed form, for tests and benches: a polygon mesh whose faces are taken
 //! bilinearly and then bent by a smooth map, with a key for each of several moments.
 
+// Each user takes a part of it.
+#![allow(dead_code)]
+
 use glam::{Vec2, Vec3};
 use hdtrapeze_core::surface::{
     ChannelInfo, LimitEvaluator, LimitSamples, LimitSurface, PatchDomain,
@@ -29,7 +32,6 @@ pub struct Analytic {
     pub channels: Vec<ChannelInfo>,
 }
 
-#[allow(dead_code)]
 impl Analytic {
     pub fn new(points: Vec<Vec3>, faces: Vec<Vec<u32>>, bend: Bend) -> Self {
         Self {
