@@ -47,7 +47,7 @@ fn diced(mesh: &Mesh, view: &RasterView, rate: f32) -> (DiceOutput, RasterMetric
     let surface = OsdFactory::new()
         .create_surface(topology, &[points.clone(), moved], vec![colours])
         .expect("the topology is good");
-    let metric = RasterMetric::new(&[*view, *view], DVec3::ZERO);
+    let metric = RasterMetric::new(&[vec![*view], vec![*view]], DVec3::ZERO);
     let output = dice(&DiceInput {
         surface: &surface,
         path: &PointPath::identity(&[0.0, 1.0], DVec3::ZERO),
