@@ -1,1 +1,3 @@
 //! hdTrapeze: delegate.
+
+pub mod image;
