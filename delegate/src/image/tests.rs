@@ -383,7 +383,8 @@ fn png_crops_greys_and_pixel_aspect() {
 fn contradictory_images_are_refused_and_nothing_is_written() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("bad.exr");
-    let edits: [(&str, fn(&mut Image)); 9] = [
+    type Edit = (&'static str, fn(&mut Image));
+    let edits: [Edit; 9] = [
         ("0 by 4", |i| i.width = 0),
         ("data window", |i| i.data_window = [2, 2, 2, 4]),
         ("data window", |i| i.data_window = [0, 0, 5, 4]),
