@@ -138,3 +138,13 @@ if [ $tools = 1 ]; then install_once dev scripts/requirements.txt scripts/requir
 if [ $build = 1 ]; then
     cargo build --release --workspace --locked
 fi
+
+# `hdtrapeze` runs from the checkout: an editable install, which finds the library in target/release.
+stamp=.venv/.installed-command
+text=$(cat pyproject.toml setup.py)
+if ! { [ -x .venv/bin/hdtrapeze ] && [ -f $stamp ] && [ "$(cat $stamp)" = "$text" ]; }; then
+    say "installing the command hdtrapeze into .venv"
+    .venv/bin/python -m pip install --quiet --disable-pip-version-check --no-deps \
+        --no-build-isolation --editable .
+    printf '%s\n' "$text" >$stamp
+fi
