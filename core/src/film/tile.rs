@@ -79,6 +79,11 @@ impl Keeps {
         self.color
     }
 
+    /// True when anything of a sample's first surface is asked for.
+    pub fn first(self) -> bool {
+        self.point || self.means
+    }
+
     /// True when normals or motion vectors are asked for.
     pub fn means(self) -> bool {
         self.means

@@ -128,12 +128,13 @@ impl<'a> Integrator<'a> {
         let mut color = Vec3::ZERO;
         let mut transmittance = 1.0f32;
         let mut found = None;
+        let wants_first = self.keeps.first();
         let mut hit = *first;
         for _ in 0..MAX_LAYERS {
             if !hit.is_hit() {
                 break;
             }
-            let (layer, opacity) = self.surface(&job.ray, &hit, found.is_none());
+            let (layer, opacity) = self.surface(&job.ray, &hit, wants_first && found.is_none());
             if opacity > 0.0 && found.is_none() {
                 found = Some(layer.first);
             }
