@@ -32,7 +32,6 @@ pub(super) struct Integrator<'a> {
 /// One camera sample on its way.
 #[derive(Clone, Copy)]
 struct Job {
-    pixel: usize,
     ray: Ray,
     weight: f32,
     distance2: f32,
@@ -66,41 +65,39 @@ impl<'a> Integrator<'a> {
             return;
         }
         let range = tile.samples..target;
-        let mut jobs: Vec<Job> = Vec::new();
-        let mut rays: Vec<Ray> = Vec::new();
-        let mut hits: Vec<Hit> = Vec::new();
         for by in (0..tile.height).step_by(BLOCK as usize) {
             for bx in (0..tile.width).step_by(BLOCK as usize) {
-                jobs.clear();
+                let pixels: Vec<_> = (by..(by + BLOCK).min(tile.height))
+                    .flat_map(|y| (bx..(bx + BLOCK).min(tile.width)).map(move |x| (x, y)))
+                    .map(|(x, y)| {
+                        let pixel = [tile.x + x, tile.y + y];
+                        (
+                            (y * tile.width + x) as usize,
+                            pixel,
+                            self.sampler.pixel(pixel),
+                        )
+                    })
+                    .collect();
                 for index in range.clone() {
-                    for y in by..(by + BLOCK).min(tile.height) {
-                        for x in bx..(bx + BLOCK).min(tile.width) {
-                            let pixel = [tile.x + x, tile.y + y];
-                            jobs.push(self.generate(pixel, (y * tile.width + x) as usize, index));
-                        }
+                    for (slot, pixel, pattern) in &pixels {
+                        let job = self.generate(*pixel, pattern.sample(index));
+                        let mut own = TraceCounts::default();
+                        let hit = self.prepared.world.trace(&job.ray, &mut own);
+                        let sample = self.shade(&job, &hit, &mut own);
+                        tile.add(*slot, &sample);
+                        *counts = *counts + own;
                     }
-                }
-                rays.clear();
-                rays.extend(jobs.iter().map(|j| j.ray));
-                hits.clear();
-                hits.resize(rays.len(), Hit::MISS);
-                for (job, hit) in jobs.iter().zip(&mut hits) {
-                    let mut own = TraceCounts::default();
-                    *hit = self.prepared.world.trace(&job.ray, &mut own);
-                    let sample = self.shade(job, hit, &mut own);
-                    tile.add(job.pixel, &sample);
-                    *counts = *counts + own;
                 }
             }
         }
         tile.samples = target;
     }
 
-    /// Draws pixel, lens and time jointly.
-    fn generate(&self, pixel: [u32; 2], slot: usize, index: u32) -> Job {
+    /// The ray of a sample whose pixel, lens and time were drawn jointly.
+    fn generate(&self, pixel: [u32; 2], drawn: [f32; 5]) -> Job {
         let plan = &self.prepared.plan;
         let settings = &self.prepared.settings;
-        let [x, y, u, v, time] = self.sampler.sample(pixel, index);
+        let [x, y, u, v, time] = drawn;
         let (offset, weight) = self.filter.sample(x, y);
         let centre = Vec2::new(pixel[0] as f32 + 0.5, pixel[1] as f32 + 0.5);
         let lens = match settings.lens_point {
@@ -116,7 +113,6 @@ impl<'a> Integrator<'a> {
         };
         let ray = self.prepared.camera.ray(centre + offset, lens, time);
         Job {
-            pixel: slot,
             ray,
             weight,
             distance2: offset.length_squared(),
