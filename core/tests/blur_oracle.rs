@@ -4,6 +4,8 @@
 //! sample's own time, makes its own camera rays, and tests every triangle. The two agree within the
 //! statistical bound, and stop agreeing when one key is shifted.
 
+mod support;
+
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -15,9 +17,8 @@ use hdtrapeze_core::scene::{
     CameraDesc, FilterKind, Interpolation, MeshDesc, PointsSamples, PrimCommon, PrimDesc, PrimId,
     PrimvarDesc, RenderSettings, Scene, TransformSamples,
 };
-use hdtrapeze_core::surface::{
-    Channel, LimitSurface, MeshTopology, Scheme, SubdivisionFactory, SurfaceError,
-};
+use hdtrapeze_core::surface::{MeshTopology, Scheme};
+use support::NoSubdivision;
 
 const WIDTH: u32 = 24;
 const HEIGHT: u32 = 18;
@@ -25,22 +26,6 @@ const SAMPLES: u32 = 1024;
 const ORACLE_SAMPLES: u32 = 4096;
 /// A tenth of a 1/255 step (one sample in 2500); keeps pixels without variance from dividing by zero.
 const FLOOR: f64 = 0.1 / 255.0;
-
-/// Polygons need no subdivision library.
-struct NoSubdivision;
-
-impl SubdivisionFactory for NoSubdivision {
-    fn create(
-        &self,
-        _: &MeshTopology,
-        _: &[Vec<Vec3>],
-        _: Vec<Channel>,
-    ) -> Result<Box<dyn LimitSurface>, SurfaceError> {
-        Err(SurfaceError::Library(
-            "not linked into this test".to_owned(),
-        ))
-    }
-}
 
 /// A triangle mesh whose matrix and points are functions of time in [0, 1].
 struct Actor {
