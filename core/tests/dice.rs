@@ -7,7 +7,8 @@ use glam::{DAffine3, DVec3, Vec2, Vec3};
 use hdtrapeze_core::dice::{DiceError, DiceInput, DiceOutput, RasterMetric, RasterView, dice};
 use hdtrapeze_core::grid::{DicedMesh, octahedral};
 use hdtrapeze_core::motion::PointPath;
-use hdtrapeze_core::surface::{ChannelInfo, LimitSurface};
+use hdtrapeze_core::surface::polygon::PolygonSurface;
+use hdtrapeze_core::surface::{ChannelInfo, LimitSurface, MeshTopology, Scheme};
 use proptest::prelude::*;
 use std::collections::HashMap;
 use std::sync::atomic::AtomicBool;
@@ -187,7 +188,7 @@ fn the_closed_test_can_fail() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(60))]
+    #![proptest_config(ProptestConfig { cases: 60, failure_persistence: None, ..ProptestConfig::default() })]
 
     /// Any camera, inside and outside and through the surface, at any rate.
     #[test]
@@ -440,4 +441,83 @@ fn cancel_is_heard() {
         cancel: &AtomicBool::new(true),
     });
     assert_eq!(result.err(), Some(DiceError::Cancelled));
+}
+
+/// Surfaces over `faces`, as hosts describe polygons.
+fn polygons(faces: &[&[u32]], points: &[Vec3]) -> PolygonSurface {
+    let topology = MeshTopology {
+        scheme: Scheme::None,
+        vertex_count: points.len(),
+        face_vertex_counts: faces.iter().map(|face| face.len() as u32).collect(),
+        face_vertex_indices: faces.concat(),
+        ..MeshTopology::default()
+    };
+    PolygonSurface::new(&topology, &[points.to_vec()], Vec::new()).expect("good polygons")
+}
+
+fn dice_polygons(surface: &PolygonSurface, rate: f32, coarse: bool) -> DiceOutput {
+    dice(&DiceInput {
+        surface,
+        path: &PointPath::identity(&[0.0], DVec3::ZERO),
+        metric: &RasterMetric::uniform(50.0),
+        shading_rate: rate,
+        with_normals: true,
+        polygons_coarse: coarse,
+        max_micropolygons: 1 << 20,
+        cancel: &AtomicBool::new(false),
+    })
+    .expect("dicing")
+}
+
+#[test]
+fn concave_polygons_are_closed() {
+    // A prism over an L.
+    let outline = [[0, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2]];
+    let at = |z: f32| outline.map(|[x, y]| Vec3::new(x as f32, y as f32, z));
+    let points = [at(0.0), at(1.0)].concat();
+    let sides: Vec<[u32; 4]> = (0..6)
+        .map(|i| [i, (i + 1) % 6, 6 + (i + 1) % 6, 6 + i])
+        .collect();
+    let mut faces: Vec<&[u32]> = sides.iter().map(|f| f.as_slice()).collect();
+    faces.push(&[5, 4, 3, 2, 1, 0]);
+    faces.push(&[6, 7, 8, 9, 10, 11]);
+    let surface = polygons(&faces, &points);
+    let output = dice_polygons(&surface, 1.0, true);
+    assert_eq!(output.mesh.cell_count(), 6 + 2 * 4);
+    assert_closed(&output);
+    let elements: Vec<u32> = output.mesh.grids.iter().map(|g| g.element).collect();
+    assert_eq!(elements, [0, 1, 2, 3, 4, 5, 6, 6, 6, 6, 7, 7, 7, 7]);
+    for rate in [2.0, 7.0, 31.0] {
+        assert_closed(&dice_polygons(&surface, rate, false));
+    }
+}
+
+#[test]
+fn three_faces_on_an_edge_agree() {
+    // Pages of a book, of different widths, spine along y.
+    let mut points = vec![Vec3::ZERO, Vec3::Y];
+    let mut faces = Vec::new();
+    for (i, width) in [0.3f32, 1.0, 4.0].into_iter().enumerate() {
+        let (sin, cos) = (i as f32 * 2.0).sin_cos();
+        let page = Vec3::new(cos, 0.1, sin) * width;
+        let n = points.len() as u32;
+        points.extend([page, page + Vec3::Y]);
+        // Along the spine in both directions.
+        faces.push(if i == 1 {
+            [1, 0, n, n + 1]
+        } else {
+            [0, 1, n + 1, n]
+        });
+    }
+    let faces: Vec<&[u32]> = faces.iter().map(|f| f.as_slice()).collect();
+    let output = dice_polygons(&polygons(&faces, &points), 3.0, false);
+    let mut spines = vec![std::collections::BTreeSet::new(); 3];
+    for (g, grid) in output.mesh.grids.iter().enumerate() {
+        let on_spine = output.mesh.grid_positions(g, 0).iter();
+        let on_spine = on_spine.filter(|p| p.x == 0.0 && p.z == 0.0);
+        spines[grid.element as usize].extend(on_spine.map(|p| p.y.to_bits()));
+    }
+    assert!(spines[0].len() > 15);
+    assert_eq!(spines[0], spines[1]);
+    assert_eq!(spines[0], spines[2]);
 }

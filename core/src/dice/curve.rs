@@ -51,11 +51,11 @@ pub(super) struct Leaf {
 }
 
 impl Leaf {
-    fn length(&self) -> u64 {
+    fn length(&self) -> u32 {
         1 << self.log_length
     }
     fn end(&self) -> u32 {
-        u32::from(self.start) + (1 << self.log_length)
+        u32::from(self.start) + self.length()
     }
 }
 
@@ -172,7 +172,7 @@ impl CurvePool {
 
         let mut params = Vec::with_capacity(segments as usize);
         for leaf in &self.leaves[first_leaf..] {
-            let step = leaf.length() as f64 / f64::from(leaf.rate);
+            let step = f64::from(leaf.length()) / f64::from(leaf.rate);
             params.extend(
                 (1..=leaf.rate).map(|j| {
                     ((f64::from(leaf.start) + step * f64::from(j)) / f64::from(ONE)) as f32
@@ -281,8 +281,9 @@ impl<'a> CurveView<'a> {
     pub fn need(&self, a: u32, b: u32) -> u32 {
         let leaf = self.leaf_at(a);
         if leaf.end() >= b {
-            let scaled = u64::from(leaf.rate) * u64::from(b - a);
-            return (scaled.div_ceil(leaf.length()) as u32).max(1);
+            return (u32::from(leaf.rate) * (b - a))
+                .div_ceil(leaf.length())
+                .max(1);
         }
         self.map(b, 1) - self.map(a, 1)
     }
@@ -290,10 +291,10 @@ impl<'a> CurveView<'a> {
     /// The canonical vertex nearest to parameter `p / steps`.
     pub fn map(&self, p: u32, steps: u32) -> u32 {
         let leaf = self.leaf_at((p / steps).min(ONE - 1));
-        let (p, steps) = (u64::from(p), u64::from(steps));
-        let x = (p - u64::from(leaf.start) * steps) * u64::from(leaf.rate);
+        // At most 2^16 times 16 steps times 16 segments, twice: fits.
+        let x = (p - u32::from(leaf.start) * steps) * u32::from(leaf.rate);
         let d = leaf.length() * steps;
-        leaf.first + ((2 * x + d) / (2 * d)) as u32
+        leaf.first + (2 * x + d) / (2 * d)
     }
 
     /// Parameter (of [`ONE`]) of a canonical vertex.

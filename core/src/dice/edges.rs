@@ -25,6 +25,11 @@ struct Part {
     vertices: Vec<Vec3>,
     pool: CurvePool,
     evaluations: u64,
+    /// Scratch: corners and middles of the edges of one face, `[corner or middle][key]`, NaN where
+    /// not known.
+    points: Vec<Vec3>,
+    /// Scratch: the start, middle and end of one edge.
+    samples: Vec<Vec3>,
 }
 
 impl BaseCurves {
@@ -137,8 +142,9 @@ fn sample_face(
     let wants_corner =
         |k: usize| base.owns_corner(first + k) || wants_middle(k) || wants_middle((k + n - 1) % n);
 
-    // Corners and middles, `[corner or middle][key]`, NaN where not known.
-    let mut points = vec![Vec3::NAN; 2 * n * keys];
+    let points = &mut part.points;
+    points.clear();
+    points.resize(2 * n * keys, Vec3::NAN);
     sampler.bind(face);
     let mut sample = |domain, wanted: &[usize], st: &[Vec2]| {
         let positions = sampler.unchecked(domain, st);
@@ -183,6 +189,7 @@ fn sample_face(
         }
     }
 
+    let points = &part.points;
     let at = |slot: usize| &points[slot * keys..(slot + 1) * keys];
     for k in 0..n {
         if base.owns_corner(first + k) {
@@ -200,7 +207,11 @@ fn sample_face(
         if !forward {
             std::mem::swap(&mut start, &mut end);
         }
-        let samples = [start, at(2 * k + 1), end].concat();
+        let samples = &mut part.samples;
+        samples.clear();
+        for point in [start, at(2 * k + 1), end] {
+            samples.extend_from_slice(point);
+        }
         let source = CurveSource::FaceEdge {
             corners: n as u32,
             k: k as u32,
@@ -210,7 +221,7 @@ fn sample_face(
         if !finite
             || part
                 .pool
-                .build(sampler, &source, &samples, MAX_DEPTH, rate)
+                .build(sampler, &source, samples, MAX_DEPTH, rate)
                 .is_err()
         {
             part.pool.push_broken(keys);

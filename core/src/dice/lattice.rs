@@ -5,7 +5,7 @@
 //! them where the surface does.
 
 use super::face::Curves;
-use super::metric::RasterMetric;
+use super::metric::{Measured, RasterMetric};
 use super::patch::Patch;
 use super::sampler::{NotFinite, Sampler};
 use crate::grid::{Grid, octahedral};
@@ -27,6 +27,10 @@ pub(super) struct Lattice {
     normals: Vec<Vec3>,
     /// The middle at each key, where asked for.
     middle: Vec<Vec3>,
+    /// Canonical vertices that the sides copy, side after side.
+    copied: Vec<u32>,
+    /// Vertices of one key, ready to measure.
+    measured: Vec<Measured>,
     values: Vec<f32>,
 }
 
@@ -58,31 +62,31 @@ impl Lattice {
                 Vec2::new(s, t)
             }));
         }
-        // Each vertex on a side: where it is in the lattice, and which canonical vertex it is.
+        // Each vertex on a side: which canonical vertex it is, and so where.
         let sides = [
             (0, 1, nu),
             (self.nu, row, nv),
             (row * self.nv, 1, nu),
             (0, row, nv),
         ];
-        let copies = sides.iter().zip(&patch.sides).enumerate();
-        let copies = copies.flat_map(|(number, (&(start, stride, steps), side))| {
+        self.copied.clear();
+        for (number, (&(start, stride, steps), side)) in sides.iter().zip(&patch.sides).enumerate()
+        {
             let curve = curves.of(side);
-            (0..=steps).map(move |i| {
+            let collapsed = side.a == side.b;
+            for i in 0..=steps {
                 let vertex = curve.map(side.step(i, steps), steps);
-                (number, start + stride * i as usize, side, curve, vertex)
-            })
-        });
-        for (number, index, side, curve, vertex) in copies.clone() {
-            if side.a == side.b {
-                continue;
-            }
-            let f = side.fraction(curve.parameter(vertex));
-            let at = &mut self.st[index];
-            if number % 2 == 0 {
-                at.x = (low.x + extent.x * f).clamp(0.0, 1.0);
-            } else {
-                at.y = (low.y + extent.y * f).clamp(0.0, 1.0);
+                self.copied.push(vertex);
+                if collapsed {
+                    continue;
+                }
+                let f = side.fraction(curve.parameter(vertex));
+                let at = &mut self.st[start + stride * i as usize];
+                if number % 2 == 0 {
+                    at.x = (low.x + extent.x * f).clamp(0.0, 1.0);
+                } else {
+                    at.y = (low.y + extent.y * f).clamp(0.0, 1.0);
+                }
             }
         }
 
@@ -125,9 +129,14 @@ impl Lattice {
                 }
             }
         }
-        for (_, index, _, curve, vertex) in copies {
-            for (k, &p) in curve.vertex(vertex).iter().enumerate() {
-                self.positions[k * n + index] = p;
+        let mut copied = self.copied.iter();
+        for (&(start, stride, steps), side) in sides.iter().zip(&patch.sides) {
+            let curve = curves.of(side);
+            for (i, &vertex) in copied.by_ref().take(steps as usize + 1).enumerate() {
+                let index = start + stride * i;
+                for (k, &p) in curve.vertex(vertex).iter().enumerate() {
+                    self.positions[k * n + index] = p;
+                }
             }
         }
         for k in 0..if with_normals { keys } else { 0 } {
@@ -140,22 +149,28 @@ impl Lattice {
     /// Longest inner lattice edges along u and along v, in pixels at the worst key. Edges on the
     /// sides have their own rates, and those that end there may be longer by half a step of a
     /// coarse side: they are left out as long as there are others.
-    pub fn longest_inner_edges(&self, metric: &RasterMetric, keys: usize) -> [f32; 2] {
+    pub fn longest_inner_edges(&mut self, metric: &RasterMetric, keys: usize) -> [f32; 2] {
         let row = self.nu + 1;
         let n = row * (self.nv + 1);
         let inner = |cells: usize| if cells > 2 { 1..cells - 1 } else { 0..cells };
+        // Of large lattices every other line is enough.
+        let step = |cells: usize| if cells > 5 { 2 } else { 1 };
         let mut longest = [0.0f32; 2];
         for k in 0..keys {
             let at = &self.positions[k * n..(k + 1) * n];
-            let length = |a: usize, b: usize| metric.length(k, at[a], at[b]);
-            for j in 1..self.nv {
+            self.measured.clear();
+            self.measured
+                .extend(at.iter().map(|&p| metric.measure(k, p)));
+            let at = &self.measured;
+            let length = |a: usize, b: usize| metric.length_between(k, &at[a], &at[b]);
+            for j in (1..self.nv).step_by(step(self.nv)) {
                 for i in inner(self.nu) {
                     let v = j * row + i;
                     longest[0] = longest[0].max(length(v, v + 1));
                 }
             }
-            for i in 1..self.nu {
-                for j in inner(self.nv) {
+            for j in inner(self.nv) {
+                for i in (1..self.nu).step_by(step(self.nu)) {
                     let v = j * row + i;
                     longest[1] = longest[1].max(length(v, v + row));
                 }

@@ -158,19 +158,21 @@ pub fn dice(input: &DiceInput<'_>) -> Result<DiceOutput, DiceError> {
         } else {
             input.max_micropolygons
         };
-        let factor = match dice_at(input, &base, rate, limit, &mut evaluations) {
-            Ok(Ok(parts)) => {
+        let excess = match dice_at(input, &base, rate, limit, &mut evaluations)? {
+            Pass::Done(parts) => {
                 let mut output = join(input, parts)?;
                 output.limit_evaluations += evaluations;
                 output.shading_rate = rate;
                 output.coarsened = rate > input.shading_rate;
                 return Ok(output);
             }
-            Ok(Err(estimate)) => (estimate as f64 / limit.max(1) as f64).sqrt() as f32,
-            Err(Halt::OverBudget) => COARSEN,
-            Err(Halt::Failed(error)) => return Err(error),
+            // The estimate may be high: half way is safe, and costs little.
+            Pass::Estimated(count) => (count as f64 / limit.max(1) as f64 / 4.0) as f32,
+            // It is over for certain: most of the way.
+            Pass::OverBudget(count) => (count as f64 / limit.max(1) as f64 * 0.8) as f32,
         };
-        // After many turns the steps grow, so that the loop ends.
+        let factor = excess.sqrt();
+        // Nothing sensible is so far off: end with one cell a patch.
         rate *= factor.max(COARSEN);
         if rate > input.shading_rate * 1.0e5 || !rate.is_finite() {
             rate = COARSEST;
@@ -178,38 +180,66 @@ pub fn dice(input: &DiceInput<'_>) -> Result<DiceOutput, DiceError> {
     }
 }
 
-/// Dices at one rate. The inner error is an estimate of the number of micropolygons, where that is
-/// far above `limit`.
+/// How a pass over the faces ended.
+enum Pass {
+    /// With grids.
+    Done(Vec<Part>),
+    /// Before the second pass: this many micropolygons were expected, far above the limit.
+    Estimated(u64),
+    /// At the limit; this many were expected.
+    OverBudget(u64),
+}
+
+/// Estimates run high where edges are uneven: only this many times the limit saves a pass.
+const GROSS: u64 = 8;
+
+/// Dices at one rate.
 fn dice_at(
     input: &DiceInput<'_>,
     base: &BaseMesh,
     rate: f32,
     limit: u64,
     evaluations: &mut u64,
-) -> Result<Result<Vec<Part>, u64>, Halt> {
+) -> Result<Pass, DiceError> {
     // Every edge segment is a side of a cell, and a cell has four.
-    let budget = Budget::new(
-        limit
-            .saturating_mul(4)
-            .saturating_add(base.edges.len() as u64),
-        input.cancel,
-    );
-    let (edges, count) = BaseCurves::evaluate(input, base, rate, &budget)?;
-    *evaluations += count;
+    let most = limit.saturating_mul(4);
+    let budget = Budget::new(most.saturating_add(base.edges.len() as u64), input.cancel);
+    let edges = match BaseCurves::evaluate(input, base, rate, &budget) {
+        Ok((edges, count)) => {
+            *evaluations += count;
+            edges
+        }
+        // At least four times the limit in segments: twice as coarse is not too coarse.
+        Err(Halt::OverBudget) => return Ok(Pass::Estimated(limit.saturating_mul(16))),
+        Err(Halt::Failed(error)) => return Err(error),
+    };
     let estimate = estimate(base, &edges);
-    // Estimates run high on uneven edges: only a gross excess saves the second pass.
-    if estimate / 4 > limit {
-        return Ok(Err(estimate));
+    if estimate / GROSS > limit {
+        return Ok(Pass::Estimated(estimate));
     }
+    match dice_faces(input, base, &edges, rate, &Budget::new(limit, input.cancel)) {
+        Ok(parts) => Ok(Pass::Done(parts)),
+        Err(Halt::OverBudget) => Ok(Pass::OverBudget(estimate)),
+        Err(Halt::Failed(error)) => Err(error),
+    }
+}
+
+/// Dices all faces, a part for each run of them.
+fn dice_faces(
+    input: &DiceInput<'_>,
+    base: &BaseMesh,
+    edges: &BaseCurves,
+    rate: f32,
+    budget: &Budget<'_>,
+) -> Result<Vec<Part>, Halt> {
     let face_count = base.first.len() - 1;
     let chunk = chunk_faces(face_count);
     let channels = input.surface.channels().len();
     let normal_keys = normal_key_count(input);
-    let budget = Budget::new(limit, input.cancel);
-    let parts = (0..face_count.div_ceil(chunk))
+    (0..face_count.div_ceil(chunk))
         .into_par_iter()
         .map_init(
-            || FaceDicer::new(input, base, &edges, &budget, rate),
+            || FaceDicer::new(input, base, edges, budget, rate),
             |dicer, c| {
                 let mut part = Part::new(channels, normal_keys);
                 let before = dicer.evaluations();
@@ -224,8 +254,7 @@ fn dice_at(
                 Ok(part)
             },
         )
-        .collect::<Result<Vec<_>, Halt>>()?;
-    Ok(Ok(parts))
+        .collect()
 }
 
 /// About how many micropolygons there will be, from the rates of the base edges.
