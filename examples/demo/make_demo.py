@@ -34,7 +34,7 @@ from shapes import (
 
 FRAME = 1.0
 SHUTTER = (-0.25, 0.25)
-KEYS = [FRAME - 0.25, FRAME - 0.125, FRAME, FRAME + 0.125, FRAME + 0.25]
+KEYS = [FRAME - 0.25, FRAME, FRAME + 0.25]
 
 CORAL, SAFFRON, CREAM = (1.0, 0.16, 0.1), (1.0, 0.55, 0.06), (1.0, 0.86, 0.62)
 TEAL, SKY, PLUM, ROSE = (0.02, 0.42, 0.45), (0.2, 0.72, 0.95), (0.34, 0.05, 0.42), (1.0, 0.24, 0.44)
@@ -65,20 +65,26 @@ def vane(radius: float, width: float, curl: float, deep, bright, inner, rows=6, 
     return shell(front, 0.12, colors, 3.0)
 
 
-def wheel(count: int, palettes, radius=8.0, width=4.6, curl=2.6) -> Shape:
-    """A whole windmill head in the xy plane that faces +z, with a button in the middle."""
+def ring(count: int, palettes, radius: float, width: float, curl: float, **lattice) -> Shape:
+    """Vanes around the origin, in the xy plane; they face +z."""
     parts = []
     for k in range(count):
         a = 2.0 * np.pi * k / count
         turn = np.array([[np.cos(a), -np.sin(a), 0], [np.sin(a), np.cos(a), 0], [0, 0, 1]])
-        parts.append(vane(radius, width, curl, *palettes[k % len(palettes)]).moved(turn))
+        parts.append(vane(radius, width, curl, *palettes[k % len(palettes)], **lattice).moved(turn))
     shape = parts[0]
     for part in parts[1:]:
         shape = shape.joined(part)
+    return shape
+
+
+def wheel(count: int, palettes, radius=8.0, width=4.6, curl=2.6, hub=0.9) -> Shape:
+    """A whole windmill head that faces +z, with a button in the middle."""
+    shape = ring(count, palettes, radius, width, curl)
     profile = [(0.35, -0.9), (1.0, -0.5), (1.15, 0.5), (0.8, 1.15), (0.3, 1.35)]
     button = lathe(profile, [WOOD_DARK, WOOD_DARK, CREAM, CREAM, SAFFRON], 8, {2: 2.0, 4: 1.5})
     lie = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]])
-    return shape.joined(button.moved(lie, (0, 0, 0.6)))
+    return shape.joined(button.moved(lie, (0, 0, hub)))
 
 
 def stick() -> Shape:
@@ -132,7 +138,13 @@ def add_shapes(stage) -> None:
     plum = ((0.08, 0.0, 0.12), PLUM, ROSE)
     gold = (deep_gold, SAFFRON, CREAM)
     UsdGeom.Xform.Define(stage, "/Shapes/HeroHead")
-    write_mesh(stage, "/Shapes/HeroHead/Paper", wheel(8, [coral, cream]))
+    write_mesh(
+        stage, "/Shapes/HeroHead/Paper", wheel(8, [coral, cream], width=5.2, curl=2.9, hub=2.6)
+    )
+    small = ring(8, [sea, teal], radius=4.2, width=2.7, curl=2.9, rows=5, columns=4)
+    turn = np.pi / 8.0
+    lift = np.array([[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
+    write_mesh(stage, "/Shapes/HeroHead/Inner", small.moved(lift, (0.0, 0.0, 1.7)))
     # Three heads of one geometry and their own colours.
     heads = {"SeaHead": [sea, teal], "PlumHead": [plum, gold], "FireHead": [coral, gold]}
     for name, palettes in heads.items():
@@ -194,7 +206,7 @@ def add_ground(stage) -> None:
     points = np.stack([x, y, z], axis=-1)
     pool = np.exp(-(((x - HERO[0]) / 34.0) ** 2) - ((z + 10.0) / 60.0) ** 2)
     horizon = np.clip(-z / 700.0, 0.0, 1.0)
-    colors = mix((0.06, 0.08, 0.3), (1.6, 0.7, 0.9), pool)
+    colors = mix((0.1, 0.12, 0.5), (4.0, 1.5, 1.9), pool)
     colors = colors + horizon[..., None] ** 2 * np.array([0.9, 0.25, 0.3])
     shape = Shape(points.reshape(-1, 3), grid_faces(len(zs), len(us)), colors.reshape(-1, 3))
     shape.faces = [list(reversed(face)) for face in shape.faces]
@@ -223,12 +235,12 @@ def ribbon_points(time: float, rows=30, columns=3) -> np.ndarray:
     s = np.linspace(0.0, 1.0, rows)[:, None]
     w = np.linspace(-1.0, 1.0, columns)[None, :]
     t = time - FRAME
-    phase = 9.5 * s - 1.1 * t
-    x = -46.0 + 84.0 * s + 9.0 * t + 0.0 * w
-    y = 29.5 + 4.2 * np.sin(phase) * (0.4 + 0.6 * s) - 6.0 * s + 2.0 * t + 0.0 * w
-    z = -52.0 + 14.0 * np.cos(phase) * (1.0 - 0.5 * s) + 18.0 * s + 0.0 * w
-    twist = 2.6 * np.sin(0.6 * phase + 0.6) + 0.8
-    half = 2.3 * np.sin(np.pi * np.clip(0.04 + 0.94 * s, 0, 1)) ** 0.5
+    phase = 13.0 * s - 1.1 * t
+    x = -44.0 + 92.0 * s + 7.0 * t + 0.0 * w
+    y = 9.0 + 3.0 * np.sin(phase) * (0.4 + 0.6 * s) + 6.0 * s**2 + 1.5 * t + 0.0 * w
+    z = -30.0 + 9.0 * np.cos(phase) + 12.0 * s + 0.0 * w
+    twist = 2.3 * np.sin(0.8 * phase + 0.4) + 0.4
+    half = 1.7 * np.sin(np.pi * np.clip(0.04 + 0.94 * s, 0, 1)) ** 0.5
     return np.stack([x, y + w * half * np.cos(twist), z + w * half * np.sin(twist)], axis=-1)
 
 
@@ -237,7 +249,7 @@ def add_ribbon(stage) -> None:
     front = ribbon_points(FRAME)
     rows, columns, _ = front.shape
     s = np.linspace(0.0, 1.0, rows)
-    colors = np.where(s[:, None] < 0.5, mix(PLUM, ROSE, 2.0 * s), mix(ROSE, SAFFRON, 2.0 * s - 1.0))
+    colors = np.where(s[:, None] < 0.5, mix(PLUM, TEAL, 2.0 * s), mix(TEAL, SKY, 2.0 * s - 1.0))
     colors = np.repeat(colors[:, None, :], columns, axis=1)
     mesh = write_mesh(stage, "/World/Ribbon", shell(front, 0.15, colors, 4.0))
     attribute = mesh.GetPointsAttr()
@@ -260,7 +272,7 @@ def scattered(count: int, seed: int) -> np.ndarray:
 def add_petals(stage) -> None:
     """Creased petals that tumble with the wind: point instances with moving positions and
     orientations."""
-    count = 46
+    count = 40
     instancer = UsdGeom.PointInstancer.Define(stage, "/World/Petals")
     sizes = [(1.5, 0.18, 1.0), (1.1, 0.2, 1.1), (0.8, 0.8, 0.8)]
     tints = [(ROSE, CREAM), (SAFFRON, CORAL), (SKY, CREAM)]
@@ -324,23 +336,25 @@ def add_glows(stage, path, centres, radii, colors) -> None:
 
 def add_lamps(stage) -> None:
     """Two strings of lamps far behind, and drops of dew just before the lens."""
-    x = np.linspace(-1.0, 1.0, 13)
-    near = np.stack([105.0 * x, 36.0 + 26.0 * x**2 - 5.0 * x, -300.0 - 40.0 * x], axis=-1)
-    far = np.stack([190.0 * x - 20.0, 62.0 + 24.0 * (x - 0.2) ** 2, -520.0 + 60.0 * x], axis=-1)
-    warm = [(14.0, 6.0, 1.6), (13.0, 3.4, 1.6), (12.0, 8.0, 3.5)]
-    add_glows(stage, "/World/LampsNear", near, np.full(13, 2.6), warm)
-    cool = [(2.0, 7.0, 9.0), (9.0, 2.2, 6.0)]
-    add_glows(stage, "/World/LampsFar", far, np.full(13, 4.0), cool)
-    unit = scattered(9, 23)
-    dew = np.stack(
-        [
-            26.0 * (unit[:, 0] - 0.5) - 4.0,
-            19.0 + 10.0 * (unit[:, 1] - 0.6),
-            62.0 + 12.0 * unit[:, 2],
-        ],
+    x = np.linspace(-1.0, 1.0, 12)
+    bend = np.array([1.0, -1.0] * 6)
+    near = np.stack(
+        [112.0 * x + 3.0 * bend, 26.0 + 34.0 * x**2 - 9.0 * x + 2.0 * bend, -300.0 - 50.0 * x],
         axis=-1,
     )
-    add_glows(stage, "/World/Dew", dew, 0.16 + 0.1 * unit[:, 0], [(6.0, 4.0, 2.4), (5.0, 2.0, 3.0)])
+    far = np.stack([200.0 * x - 34.0, 64.0 + 20.0 * (x + 0.3) ** 2, -520.0 + 60.0 * x], axis=-1)
+    sizes = 2.3 + 0.9 * scattered(12, 5)[:, 0]
+    warm = [(10.0, 3.6, 0.8), (9.0, 1.9, 0.7), (9.0, 5.2, 1.8)]
+    add_glows(stage, "/World/LampsNear", near, sizes, warm)
+    cool = [(0.5, 2.3, 3.6), (3.0, 0.5, 1.7), (3.6, 1.4, 0.4)]
+    add_glows(stage, "/World/LampsFar", far, 1.5 * sizes, cool)
+    unit = scattered(8, 23)
+    side = np.where(np.arange(8) % 3 == 0, 11.0, -9.0)
+    dew = np.stack(
+        [side + 5.0 * (unit[:, 0] - 0.5), 10.0 + 4.5 * unit[:, 1], 58.0 + 14.0 * unit[:, 2]],
+        axis=-1,
+    )
+    add_glows(stage, "/World/Dew", dew, 0.2 + 0.12 * unit[:, 0], [(2.4, 1.5, 0.7), (1.0, 1.7, 2.2)])
 
 
 def add_camera(stage) -> None:
@@ -354,7 +368,7 @@ def add_camera(stage) -> None:
     camera.CreateFStopAttr(1.8)
     pitch = np.radians(CAMERA_PITCH)
     forward = np.array([0.0, np.sin(pitch), -np.cos(pitch)])
-    hub = HERO + np.array([0.0, HERO_HUB, 2.4])
+    hub = HERO + np.array([0.0, HERO_HUB, 3.0])
     camera.CreateFocusDistanceAttr(round(float(forward @ (hub - CAMERA_EYE)), 2))
     camera.CreateClippingRangeAttr(Gf.Vec2f(1.0, 5000.0))
     camera.CreateShutterOpenAttr(SHUTTER[0])

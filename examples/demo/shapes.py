@@ -143,10 +143,10 @@ def write_mesh(stage: Usd.Stage, path: str, shape: Shape, scheme: str = "catmull
 
 
 def write_colors(gprim, colors: np.ndarray) -> None:
-    """displayColor: constant for one colour, else one a vertex."""
+    """displayColor: constant for one colour, else one a vertex. Dark ones keep a digit more."""
     constant = len(colors) == 1
     token = UsdGeom.Tokens.constant if constant else UsdGeom.Tokens.vertex
     primvar = UsdGeom.PrimvarsAPI(gprim).CreatePrimvar(
         "displayColor", Sdf.ValueTypeNames.Color3fArray, interpolation=token
     )
-    primvar.Set(vec3f(np.asarray(colors), 3))
+    primvar.Set(vec3f(np.asarray(colors), 3 if np.median(colors) < 0.1 else 2))
