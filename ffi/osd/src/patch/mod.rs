@@ -40,18 +40,40 @@ pub(crate) enum Shape {
 /// A leaf that was not used since the face was bound.
 const UNUSED: u32 = u32::MAX;
 
-/// Control points of one patch in use, for every lane.
+/// One patch in use: its kind, and where its first lane lies in [`Pools`].
+#[derive(Clone, Copy)]
 enum Prepared {
     BSpline {
-        controls: Vec<[Vec4; bspline::CONTROLS]>,
-        rows: Vec<[Vec4; bspline::ROW]>,
-        /// Bits of the `v` that `rows` were summed at, and whether they have derivatives.
+        first: usize,
+        /// Bits of the `v` that the row sums are for, and whether they have derivatives.
         row: Option<(u32, bool)>,
     },
-    Gregory(Vec<[Vec4; gregory::CONTROLS]>),
-    Triangle(Vec<[Vec4; triangle::BEZIER]>),
-    Bilinear(Vec<[Vec4; 4]>),
-    Flat(Vec<[Vec4; 3]>),
+    Gregory(usize),
+    Triangle(usize),
+    Bilinear(usize),
+    Flat(usize),
+}
+
+/// Control points of the patches in use, lane after lane; kept from face to face.
+#[derive(Default)]
+struct Pools {
+    bspline: Vec<[Vec4; bspline::CONTROLS]>,
+    rows: Vec<[Vec4; bspline::ROW]>,
+    gregory: Vec<[Vec4; gregory::CONTROLS]>,
+    triangle: Vec<[Vec4; triangle::BEZIER]>,
+    bilinear: Vec<[Vec4; 4]>,
+    flat: Vec<[Vec4; 3]>,
+}
+
+impl Pools {
+    fn clear(&mut self) {
+        self.bspline.clear();
+        self.rows.clear();
+        self.gregory.clear();
+        self.triangle.clear();
+        self.bilinear.clear();
+        self.flat.clear();
+    }
 }
 
 /// The patches of a bound face.
@@ -62,6 +84,7 @@ pub(crate) struct Patches {
     /// Number in `prepared` of each leaf, or [`UNUSED`].
     leaf_slots: Vec<u32>,
     prepared: Vec<Prepared>,
+    pools: Pools,
 }
 
 /// One lane at one sample.
@@ -91,6 +114,7 @@ impl Patches {
         self.shape = shape;
         self.lanes = lanes;
         self.prepared.clear();
+        self.pools.clear();
     }
 
     /// Evaluates every lane at every `st`; `points` are the patch points of the bound face. Calls
@@ -115,14 +139,13 @@ impl Patches {
                 UNUSED => self.prepare(points, parameterization, leaf),
                 slot => slot,
             };
+            let (lanes, pools) = (self.lanes, &mut self.pools);
             match &mut self.prepared[slot as usize] {
-                Prepared::BSpline {
-                    controls,
-                    rows,
-                    row,
-                } => {
+                Prepared::BSpline { first, row } => {
+                    let rows = &mut pools.rows[*first..*first + lanes];
                     let bits = v.to_bits();
                     if !row.is_some_and(|(b, d)| b == bits && (d || !derivatives)) {
+                        let controls = &pools.bspline[*first..*first + lanes];
                         for (p, sums) in controls.iter().zip(rows.iter_mut()) {
                             bspline::sum_columns(p, v, derivatives, sums);
                         }
@@ -143,21 +166,22 @@ impl Patches {
                         sink(i, lane, LaneSample { position, du, dv });
                     }
                 }
-                Prepared::Gregory(controls) => {
+                &mut Prepared::Gregory(first) => {
                     let place = gregory::Place::new(u, v);
-                    for (lane, p) in controls.iter().enumerate() {
+                    for (lane, p) in pools.gregory[first..first + lanes].iter().enumerate() {
                         let [position, du, dv] = place.evaluate(p, derivatives);
                         sink(i, lane, LaneSample { position, du, dv });
                     }
                 }
-                Prepared::Triangle(bezier) => {
+                &mut Prepared::Triangle(first) => {
                     let cubics = triangle::cubics(u, v);
-                    for (lane, b) in bezier.iter().enumerate() {
+                    for (lane, b) in pools.triangle[first..first + lanes].iter().enumerate() {
                         let [position, du, dv] = triangle::evaluate(b, &cubics, u, v);
                         sink(i, lane, LaneSample { position, du, dv });
                     }
                 }
-                Prepared::Bilinear(corners) => {
+                &mut Prepared::Bilinear(first) => {
+                    let corners = &pools.bilinear[first..first + lanes];
                     for (lane, &[a, b, c, d]) in corners.iter().enumerate() {
                         let (low, high) = (a + (b - a) * u, d + (c - d) * u);
                         let sample = LaneSample {
@@ -168,7 +192,8 @@ impl Patches {
                         sink(i, lane, sample);
                     }
                 }
-                Prepared::Flat(corners) => {
+                &mut Prepared::Flat(first) => {
+                    let corners = &pools.flat[first..first + lanes];
                     for (lane, &[a, b, c]) in corners.iter().enumerate() {
                         let sample = LaneSample {
                             position: a * (1.0 - u - v) + b * u + c * v,
@@ -183,65 +208,63 @@ impl Patches {
     }
 
     /// Gathers the control points of a leaf; gives its slot.
-    #[cold]
     fn prepare(&mut self, points: &[f32], parameterization: Parameterization, leaf: u32) -> u32 {
-        let lanes = self.lanes;
-        let bspline = |pick: &dyn Fn(usize) -> usize, mask: u8| {
-            let controls = (0..lanes).map(|lane| {
-                let mut p = std::array::from_fn(|i| point(points, lanes, lane, pick(i)));
+        let (lanes, pools) = (0..self.lanes, &mut self.pools);
+        let at = |lane: usize, i: usize| point(points, self.lanes, lane, i);
+        let mut bspline = |pick: &dyn Fn(usize) -> usize, mask: u8| {
+            let first = pools.bspline.len();
+            for lane in lanes.clone() {
+                let mut p = std::array::from_fn(|i| at(lane, pick(i)));
                 bspline::extrapolate(&mut p, mask);
-                p
-            });
-            Prepared::BSpline {
-                controls: controls.collect(),
-                rows: vec![[Vec4::ZERO; bspline::ROW]; lanes],
-                row: None,
+                pools.bspline.push(p);
+                pools.rows.push([Vec4::ZERO; bspline::ROW]);
             }
+            Prepared::BSpline { first, row: None }
         };
         let prepared = match &self.shape {
-            Shape::Library => Prepared::Gregory(Vec::new()),
             Shape::BSpline(mask) => bspline(&|i| i, *mask),
-            Shape::Triangle(conversion) => Prepared::Triangle(
-                (0..lanes)
-                    .map(|lane| {
-                        let p = std::array::from_fn(|i| point(points, lanes, lane, i));
-                        triangle::convert(conversion, &p)
-                    })
-                    .collect(),
-            ),
+            // The library's faces never come here; an empty patch would do.
+            Shape::Library => bspline(&|_| 0, 0),
+            Shape::Triangle(conversion) => {
+                let bezier = lanes.map(|lane| {
+                    triangle::convert(conversion, &std::array::from_fn(|i| at(lane, i)))
+                });
+                let first = pools.triangle.len();
+                pools.triangle.extend(bezier);
+                Prepared::Triangle(first)
+            }
             Shape::Linear(corners) => {
                 let (n, i) = (*corners as usize, leaf as usize);
-                let at = |lane: usize, i: usize| point(points, lanes, lane, i % n);
-                match parameterization {
-                    Parameterization::Quad => Prepared::Bilinear(
-                        (0..lanes)
-                            .map(|lane| std::array::from_fn(|i| at(lane, i)))
-                            .collect(),
-                    ),
-                    Parameterization::Triangle => Prepared::Flat(
-                        (0..lanes)
-                            .map(|lane| std::array::from_fn(|i| at(lane, i)))
-                            .collect(),
-                    ),
-                    Parameterization::SubFaces(_) => {
-                        let sub_face = |lane: usize| {
-                            let corner = at(lane, i);
-                            let centre = (0..n).map(|j| at(lane, j)).sum::<Vec4>() / n as f32;
-                            let next = 0.5 * (corner + at(lane, i + 1));
-                            let previous = 0.5 * (corner + at(lane, i + n - 1));
-                            [corner, next, centre, previous]
-                        };
-                        Prepared::Bilinear((0..lanes).map(sub_face).collect())
-                    }
+                let at = |lane: usize, i: usize| at(lane, i % n);
+                if parameterization == Parameterization::Triangle {
+                    let first = pools.flat.len();
+                    let corners = lanes.map(|lane| std::array::from_fn(|i| at(lane, i)));
+                    pools.flat.extend(corners);
+                    Prepared::Flat(first)
+                } else {
+                    let first = pools.bilinear.len();
+                    let is_quad = parameterization == Parameterization::Quad;
+                    pools.bilinear.extend(lanes.map(|lane| {
+                        if is_quad {
+                            return std::array::from_fn(|i| at(lane, i));
+                        }
+                        let corner = at(lane, i);
+                        let centre = (0..n).map(|j| at(lane, j)).sum::<Vec4>() / n as f32;
+                        let next = 0.5 * (corner + at(lane, i + 1));
+                        let previous = 0.5 * (corner + at(lane, i + n - 1));
+                        [corner, next, centre, previous]
+                    }));
+                    Prepared::Bilinear(first)
                 }
             }
             Shape::Tree(tree) => match &tree.leaves[leaf as usize] {
                 Leaf::BSpline { points, mask } => bspline(&|i| points[i] as usize, *mask),
-                Leaf::Gregory { points: picked } => Prepared::Gregory(
-                    (0..lanes)
-                        .map(|lane| picked.map(|i| point(points, lanes, lane, i as usize)))
-                        .collect(),
-                ),
+                Leaf::Gregory { points } => {
+                    let first = pools.gregory.len();
+                    let controls = lanes.map(|lane| points.map(|i| at(lane, i as usize)));
+                    pools.gregory.extend(controls);
+                    Prepared::Gregory(first)
+                }
             },
         };
         let slot = self.prepared.len() as u32;

@@ -183,3 +183,63 @@ pub fn sharpen(random: &mut Random, topology: &mut MeshTopology, share: f32) {
         }
     }
 }
+
+/// Twelve vertices of valence 5.
+pub fn icosahedron() -> (MeshTopology, Vec<Vec3>) {
+    let g = 0.5 * (1.0 + 5.0f32.sqrt());
+    let points: Vec<Vec3> = [[0.0, 1.0, g], [1.0, g, 0.0], [g, 0.0, 1.0]]
+        .iter()
+        .flat_map(|p| {
+            (0..4).map(move |i| {
+                let sign = |on: bool| if on { -1.0 } else { 1.0 };
+                // Only two coordinates are not zero.
+                let (a, b) = (sign(i & 1 == 1), sign(i & 2 == 2));
+                match p.iter().position(|&x| x == 0.0) {
+                    Some(0) => Vec3::new(0.0, a * p[1], b * p[2]),
+                    Some(1) => Vec3::new(a * p[0], 0.0, b * p[2]),
+                    _ => Vec3::new(a * p[0], b * p[1], 0.0),
+                }
+            })
+        })
+        .collect();
+    let mut faces = Vec::new();
+    let near = |a: usize, b: usize| (points[a].distance(points[b]) - 2.0).abs() < 1e-3;
+    for a in 0..12 {
+        for b in a + 1..12 {
+            for c in b + 1..12 {
+                if near(a, b) && near(b, c) && near(c, a) {
+                    let up = (points[b] - points[a]).cross(points[c] - points[a]);
+                    let out = up.dot(points[a]) > 0.0;
+                    let (b, c) = if out { (b, c) } else { (c, b) };
+                    faces.push([a as u32, b as u32, c as u32]);
+                }
+            }
+        }
+    }
+    let faces: Vec<&[u32]> = faces.iter().map(|face| face.as_slice()).collect();
+    mesh(&faces, points)
+}
+
+/// Every triangle cut in three quads: each has a vertex of valence 3.
+pub fn thirds((topology, mut points): (MeshTopology, Vec<Vec3>)) -> (MeshTopology, Vec<Vec3>) {
+    let mut middles = std::collections::HashMap::new();
+    let mut faces = Vec::new();
+    for t in topology.face_vertex_indices.chunks(3) {
+        let centre = points.len() as u32;
+        points.push((points[t[0] as usize] + points[t[1] as usize] + points[t[2] as usize]) / 3.0);
+        let m: Vec<u32> = (0..3)
+            .map(|i| {
+                let (a, b) = (t[i], t[(i + 1) % 3]);
+                *middles.entry((a.min(b), a.max(b))).or_insert_with(|| {
+                    points.push(0.5 * (points[a as usize] + points[b as usize]));
+                    points.len() as u32 - 1
+                })
+            })
+            .collect();
+        for i in 0..3 {
+            faces.push([t[i], m[i], centre, m[(i + 2) % 3]]);
+        }
+    }
+    let faces: Vec<&[u32]> = faces.iter().map(|face| face.as_slice()).collect();
+    mesh(&faces, points)
+}
