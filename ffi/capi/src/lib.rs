@@ -1,1 +1,47 @@
-//! hdTrapeze: capi.
+//! The C ABI: `include/hdtrapeze.h` is generated from this crate, and says what every function does.
+//!
+//! Where it sits: hosts (the C++ shim of Hydra, Python, C programs) above, the session of
+//! `hdtrapeze-delegate` below, into which OpenSubdiv's factory is put here. Nothing is done in this
+//! crate but checking, copying and translating.
+//!
+//! Layers: `constants` and `types` are what the header shows; `session`, `scene`, `render` and
+//! `output` hold the exported functions; `input` reads what callers pass, `convert` translates it,
+//! `fault` carries failures and catches panics.
+//!
+//! From Rust the same functions can be called directly; what the header demands of pointers is
+//! their safety contract.
+#![allow(unsafe_code)]
+// Every function has one contract for its pointers, which the header states at its top.
+#![allow(clippy::missing_safety_doc)]
+
+pub mod constants;
+mod convert;
+mod fault;
+mod input;
+pub mod output;
+pub mod render;
+pub mod scene;
+pub mod session;
+pub mod types;
+
+use hdtrapeze_core::surface::SubdivisionFactory;
+use hdtrapeze_delegate::Session;
+use hdtrapeze_osd::OsdFactory;
+
+pub use constants::*;
+pub use output::*;
+pub use render::*;
+pub use scene::*;
+pub use session::*;
+pub use types::*;
+
+/// A session for the functions of the ABI that subdivides with `factory` in place of OpenSubdiv:
+/// for Rust hosts and tests. It is given back to `trz_session_destroy`.
+pub fn session_with(factory: Box<dyn SubdivisionFactory>) -> *mut trz_session {
+    let session = Session::new(factory);
+    Box::into_raw(Box::new(trz_session { session }))
+}
+
+fn default_factory() -> Box<dyn SubdivisionFactory> {
+    Box::new(OsdFactory::new())
+}

@@ -1,0 +1,379 @@
+//! Edits: what hosts change in the scene, queued from any thread and applied in order at commit.
+//!
+//! Applying makes one new `Arc` for each prim that really changed, however many edits it got, and
+//! keeps the old one where nothing did: the renderer recognises unchanged prims by pointer.
+
+use std::collections::{BTreeMap, HashMap};
+use std::sync::Arc;
+
+use hdtrapeze_core::scene::prim::Geometry;
+use hdtrapeze_core::scene::{
+    CameraDesc, GridsDesc, InstancesDesc, MeshDesc, PointsSamples, PrimCommon, PrimDesc, PrimId,
+    PrimvarDesc, RenderSettings, Scene, TransformSamples,
+};
+use hdtrapeze_core::surface::MeshTopology;
+
+use crate::error::Error;
+
+/// What an id stands for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// A polygon or subdivision mesh.
+    Mesh,
+    /// Grids that the host has diced.
+    Grids,
+    /// A camera.
+    Camera,
+}
+
+/// One change of one prim or camera.
+#[derive(Clone, Debug)]
+pub enum Edit {
+    /// A mesh's topology.
+    Topology(Arc<MeshTopology>),
+    /// A mesh's points.
+    Points(PointsSamples),
+    /// The grids of a grids prim.
+    Grids(GridsDesc),
+    /// A camera; its path and transform stay.
+    Camera(CameraDesc),
+    /// Transform levels, own level first.
+    Transform(Vec<TransformSamples>),
+    /// A primvar, or its removal.
+    Primvar(String, Option<PrimvarDesc>),
+    /// Instances, or none: the prim appears once.
+    Instances(Option<InstancesDesc>),
+    /// Visible to the camera.
+    Visible(bool),
+    /// primId AOV value.
+    PickId(i32),
+    /// The prim or camera goes away.
+    Remove,
+}
+
+impl Edit {
+    /// Whether a prim of this kind can be edited so.
+    fn fits(&self, kind: Kind) -> bool {
+        match self {
+            Edit::Topology(_) | Edit::Points(_) => kind == Kind::Mesh,
+            Edit::Grids(_) => kind == Kind::Grids,
+            Edit::Camera(_) => kind == Kind::Camera,
+            Edit::Primvar(..) | Edit::Instances(_) | Edit::Visible(_) | Edit::PickId(_) => {
+                kind != Kind::Camera
+            }
+            Edit::Transform(_) | Edit::Remove => true,
+        }
+    }
+}
+
+/// A queued change of the scene.
+#[derive(Debug)]
+pub(crate) enum Change {
+    Create(PrimId, Kind, Arc<str>),
+    Edit(PrimId, Edit),
+    ActiveCamera(Option<PrimId>),
+    Settings(Box<RenderSettings>),
+    Aovs(Vec<String>),
+}
+
+/// Changes that wait for a commit, and the ids that are in use once they are applied.
+#[derive(Debug, Default)]
+pub(crate) struct EditQueue {
+    changes: Vec<Change>,
+    known: HashMap<PrimId, (Kind, Arc<str>)>,
+    last_id: u64,
+}
+
+impl EditQueue {
+    /// Kind and path of a prim; not found where it never was or is removed.
+    pub fn find(&self, id: PrimId) -> Result<(Kind, Arc<str>), Error> {
+        let found = self.known.get(&id).cloned();
+        found.ok_or_else(|| Error::NotFound(format!("no prim or camera has id {}", id.0)))
+    }
+
+    pub fn create(&mut self, kind: Kind, path: &str) -> PrimId {
+        self.last_id += 1;
+        let id = PrimId(self.last_id);
+        let path: Arc<str> = path.into();
+        self.known.insert(id, (kind, path.clone()));
+        self.changes.push(Change::Create(id, kind, path));
+        id
+    }
+
+    pub fn edit(&mut self, id: PrimId, edit: Edit) -> Result<(), Error> {
+        let (kind, path) = self.find(id)?;
+        if !edit.fits(kind) {
+            return Err(Error::InvalidArgument(format!(
+                "{path} (id {}) is of kind {kind:?} and cannot be edited so",
+                id.0
+            )));
+        }
+        if matches!(edit, Edit::Remove) {
+            self.known.remove(&id);
+        }
+        self.changes.push(Change::Edit(id, edit));
+        Ok(())
+    }
+
+    pub fn push(&mut self, change: Change) -> Result<(), Error> {
+        if let Change::ActiveCamera(Some(id)) = change {
+            let (kind, path) = self.find(id)?;
+            if kind != Kind::Camera {
+                return Err(Error::InvalidArgument(format!(
+                    "{path} (id {}) is not a camera",
+                    id.0
+                )));
+            }
+        }
+        self.changes.push(change);
+        Ok(())
+    }
+
+    pub fn take(&mut self) -> Vec<Change> {
+        std::mem::take(&mut self.changes)
+    }
+}
+
+/// Applies changes in order; true where the scene is another one afterwards.
+pub(crate) fn apply(scene: &mut Scene, changes: Vec<Change>) -> bool {
+    let mut prims = Working::new(&mut scene.prims);
+    let mut cameras = Working::new(&mut scene.cameras);
+    let mut settings = RenderSettings::clone(&scene.settings);
+    let mut active = scene.active_camera;
+    for change in changes {
+        match change {
+            Change::Create(id, Kind::Camera, path) => {
+                let camera = CameraDesc {
+                    path: path.to_string(),
+                    ..CameraDesc::default()
+                };
+                cameras.changed.insert(id, Some(camera));
+            }
+            Change::Create(id, kind, path) => {
+                let prim = new_prim(kind, &path);
+                prims.changed.insert(id, Some(prim));
+            }
+            Change::Edit(id, Edit::Remove) => {
+                prims.remove(id);
+                cameras.remove(id);
+                active = active.filter(|camera| *camera != id);
+            }
+            Change::Edit(id, edit) => {
+                if let Some(prim) = prims.get(id) {
+                    edit_prim(prim, edit);
+                } else if let Some(camera) = cameras.get(id) {
+                    edit_camera(camera, edit);
+                }
+            }
+            Change::ActiveCamera(id) => active = id,
+            Change::Settings(new) => {
+                let aovs = settings.aovs;
+                settings = RenderSettings { aovs, ..*new };
+            }
+            Change::Aovs(names) => settings.aovs = names,
+        }
+    }
+    let mut differs = prims.finish();
+    differs |= cameras.finish();
+    if settings != *scene.settings {
+        scene.settings = Arc::new(settings);
+        differs = true;
+    }
+    if active != scene.active_camera {
+        scene.active_camera = active;
+        differs = true;
+    }
+    differs
+}
+
+fn new_prim(kind: Kind, path: &str) -> PrimDesc {
+    PrimDesc {
+        common: PrimCommon::new(path),
+        geometry: match kind {
+            Kind::Grids => Geometry::Grids(GridsDesc::default()),
+            _ => Geometry::Mesh(MeshDesc::default()),
+        },
+    }
+}
+
+fn edit_prim(prim: &mut PrimDesc, edit: Edit) {
+    let common = &mut prim.common;
+    match (edit, &mut prim.geometry) {
+        (Edit::Topology(topology), Geometry::Mesh(mesh)) => mesh.topology = topology,
+        (Edit::Points(points), Geometry::Mesh(mesh)) => mesh.points = points,
+        (Edit::Grids(new), Geometry::Grids(grids)) => *grids = new,
+        (Edit::Transform(levels), _) => common.transform = levels,
+        (Edit::Primvar(name, Some(primvar)), _) => {
+            common.primvars.insert(name, primvar);
+        }
+        (Edit::Primvar(name, None), _) => {
+            common.primvars.remove(&name);
+        }
+        (Edit::Instances(instances), _) => common.instances = instances.map(Arc::new),
+        (Edit::Visible(visible), _) => common.visible = visible,
+        (Edit::PickId(id), _) => common.pick_id = id,
+        // The queue has checked that the edit fits the kind.
+        _ => {}
+    }
+}
+
+fn edit_camera(camera: &mut CameraDesc, edit: Edit) {
+    match edit {
+        Edit::Camera(new) => {
+            *camera = CameraDesc {
+                path: std::mem::take(&mut camera.path),
+                transform: std::mem::take(&mut camera.transform),
+                ..new
+            };
+        }
+        Edit::Transform(levels) => camera.transform = levels,
+        _ => {}
+    }
+}
+
+/// A map of the scene with copies of what edits touch; `None` is removed.
+struct Working<'a, T> {
+    map: &'a mut BTreeMap<PrimId, Arc<T>>,
+    changed: BTreeMap<PrimId, Option<T>>,
+}
+
+impl<'a, T: Clone + PartialEq> Working<'a, T> {
+    fn new(map: &'a mut BTreeMap<PrimId, Arc<T>>) -> Self {
+        Self {
+            map,
+            changed: BTreeMap::new(),
+        }
+    }
+
+    fn get(&mut self, id: PrimId) -> Option<&mut T> {
+        let old = self.map.get(&id);
+        let copy = self.changed.entry(id);
+        copy.or_insert_with(|| old.map(|old| T::clone(old)))
+            .as_mut()
+    }
+
+    fn remove(&mut self, id: PrimId) {
+        self.changed.insert(id, None);
+    }
+
+    fn finish(self) -> bool {
+        let mut differs = false;
+        for (id, new) in self.changed {
+            let old = self.map.get(&id);
+            differs |= match new {
+                Some(new) if old.is_some_and(|old| **old == new) => false,
+                Some(new) => {
+                    self.map.insert(id, Arc::new(new));
+                    true
+                }
+                None => self.map.remove(&id).is_some(),
+            };
+        }
+        differs
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn points(x: f32) -> Edit {
+        Edit::Points(PointsSamples {
+            times: vec![0.0],
+            points: vec![Arc::new(vec![glam::Vec3::splat(x)])],
+        })
+    }
+
+    #[test]
+    fn edits_of_a_removed_or_unfit_prim_are_refused() {
+        let mut queue = EditQueue::default();
+        let mesh = queue.create(Kind::Mesh, "/mesh");
+        let camera = queue.create(Kind::Camera, "/camera");
+        assert_ne!(mesh, camera);
+        assert!(matches!(
+            queue.edit(camera, points(0.0)),
+            Err(Error::InvalidArgument(_))
+        ));
+        assert!(matches!(
+            queue.edit(mesh, Edit::Camera(CameraDesc::default())),
+            Err(Error::InvalidArgument(_))
+        ));
+        let camera_is_mesh = queue.push(Change::ActiveCamera(Some(mesh)));
+        assert!(matches!(camera_is_mesh, Err(Error::InvalidArgument(_))));
+        queue.edit(mesh, Edit::Remove).unwrap();
+        assert!(matches!(
+            queue.edit(mesh, points(0.0)),
+            Err(Error::NotFound(_))
+        ));
+        assert!(queue.create(Kind::Mesh, "/mesh") > camera, "ids come back");
+    }
+
+    #[test]
+    fn unchanged_prims_keep_their_pointer_and_changed_ones_get_one() {
+        let mut queue = EditQueue::default();
+        let mut scene = Scene::default();
+        let still = queue.create(Kind::Mesh, "/still");
+        let moving = queue.create(Kind::Mesh, "/moving");
+        queue.edit(still, points(1.0)).unwrap();
+        assert!(apply(&mut scene, queue.take()));
+        let before = scene.clone();
+
+        queue.edit(still, points(1.0)).unwrap();
+        queue.edit(moving, points(2.0)).unwrap();
+        queue.edit(moving, points(3.0)).unwrap();
+        assert!(apply(&mut scene, queue.take()));
+        assert!(Arc::ptr_eq(&before.prims[&still], &scene.prims[&still]));
+        assert!(!Arc::ptr_eq(&before.prims[&moving], &scene.prims[&moving]));
+        let Geometry::Mesh(mesh) = &scene.prims[&moving].geometry else {
+            panic!("a mesh");
+        };
+        assert_eq!(mesh.points.points[0][0].x, 3.0, "the last edit wins");
+
+        queue.edit(moving, points(3.0)).unwrap();
+        assert!(!apply(&mut scene, queue.take()), "nothing changed");
+    }
+
+    #[test]
+    fn settings_and_aovs_do_not_overwrite_each_other() {
+        let mut scene = Scene::default();
+        let mut queue = EditQueue::default();
+        queue.push(Change::Aovs(vec!["P".to_owned()])).unwrap();
+        let settings = RenderSettings {
+            samples: 3,
+            ..RenderSettings::default()
+        };
+        queue.push(Change::Settings(Box::new(settings))).unwrap();
+        assert!(apply(&mut scene, queue.take()));
+        assert_eq!(scene.settings.aovs, ["P"]);
+        assert_eq!(scene.settings.samples, 3);
+    }
+
+    #[test]
+    fn a_camera_keeps_its_path_and_transform_and_leaves_with_its_role() {
+        let mut scene = Scene::default();
+        let mut queue = EditQueue::default();
+        let id = queue.create(Kind::Camera, "/camera");
+        let level = TransformSamples {
+            times: vec![0.0],
+            matrices: vec![glam::DMat4::IDENTITY],
+        };
+        queue
+            .edit(id, Edit::Transform(vec![level.clone()]))
+            .unwrap();
+        let lens = CameraDesc {
+            f_stop: 2.0,
+            ..CameraDesc::default()
+        };
+        queue.edit(id, Edit::Camera(lens)).unwrap();
+        queue.push(Change::ActiveCamera(Some(id))).unwrap();
+        assert!(apply(&mut scene, queue.take()));
+        let camera = &scene.cameras[&id];
+        assert_eq!((camera.path.as_str(), camera.f_stop), ("/camera", 2.0));
+        assert_eq!(camera.transform, [level]);
+
+        queue.edit(id, Edit::Remove).unwrap();
+        assert!(apply(&mut scene, queue.take()));
+        assert_eq!(scene.active_camera, None);
+        assert!(scene.cameras.is_empty());
+    }
+}

@@ -1,0 +1,500 @@
+//! The session: one scene, one renderer, one image at a time.
+//!
+//! Locks, in the order in which they are taken: `work` (held through a commit or start; who holds
+//! it owns the scene and the render thread), then for moments `edits` or the status. Readers take
+//! the status only, so they never wait for a commit.
+
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, Mutex};
+use std::thread::{Builder, JoinHandle};
+use std::time::{Duration, Instant};
+
+use glam::{DVec3, Vec3};
+use hdtrapeze_core::aov::{Aov, AovImage};
+use hdtrapeze_core::diagnostics::{Code, Warning};
+use hdtrapeze_core::film::tile::Keeps;
+use hdtrapeze_core::render::{
+    Frame, FrameError, PrepareError, Prepared, RenderControl, WorldHit, WorldRay, prepare, render,
+};
+use hdtrapeze_core::scene::{PrimId, RenderSettings, Scene};
+use hdtrapeze_core::surface::SubdivisionFactory;
+use tracing::Level;
+use tracing::dispatcher::with_default;
+
+use crate::aov::AovShape;
+use crate::edit::{Change, Edit, EditQueue, Kind, apply};
+use crate::error::{Error, try_map};
+use crate::file::ImageOptions;
+use crate::log::{LogFn, in_log_callback};
+use crate::memory;
+use crate::pool::Pool;
+use crate::progress::{Progress, State, Statistics};
+use crate::status::{Committed, Rendered, Shared, lock};
+use crate::translate::{self, AuthoredTopology};
+
+/// See the module. Every method may be called from any thread.
+///
+/// After a panic of the renderer every method returns [`Error::Poisoned`]; dropping still works.
+/// Methods that wait return [`Error::Busy`] inside a log function.
+pub struct Session {
+    shared: Arc<Shared>,
+    factory: Box<dyn SubdivisionFactory>,
+    edits: Mutex<EditQueue>,
+    work: Mutex<Work>,
+}
+
+/// What belongs to whoever commits.
+#[derive(Default)]
+struct Work {
+    scene: Scene,
+    version: u64,
+    /// The scene was prepared as it is.
+    current: bool,
+    /// The last preparation, whose objects the next one takes over.
+    previous: Option<Arc<Prepared>>,
+    pool: Option<(u32, Arc<Pool>)>,
+    renderer: Option<JoinHandle<()>>,
+}
+
+impl Session {
+    /// An empty session that subdivides with `factory`.
+    pub fn new(factory: Box<dyn SubdivisionFactory>) -> Self {
+        Self {
+            shared: Shared::new(),
+            factory,
+            edits: Mutex::default(),
+            work: Mutex::default(),
+        }
+    }
+
+    /// Sets the function that receives messages of up to `level`, or none. When this returns, the
+    /// function before is not running and will not be called again.
+    pub fn set_log(&self, log: Option<LogFn>, level: Level) -> Result<(), Error> {
+        self.may_wait()?;
+        self.shared.log.set(log, level);
+        Ok(())
+    }
+
+    /// Queues a prim or camera; `path` names it in messages.
+    pub fn create(&self, kind: Kind, path: &str) -> Result<PrimId, Error> {
+        self.shared.check()?;
+        Ok(lock(&self.edits).create(kind, path))
+    }
+
+    /// Kind and path of a prim or camera.
+    pub fn find(&self, id: PrimId) -> Result<(Kind, Arc<str>), Error> {
+        self.shared.check()?;
+        lock(&self.edits).find(id)
+    }
+
+    /// Queues an edit of a prim or camera.
+    pub fn edit(&self, id: PrimId, edit: Edit) -> Result<(), Error> {
+        self.shared.check()?;
+        lock(&self.edits).edit(id, edit)
+    }
+
+    /// Queues a mesh's topology. Creases and corners whose lists do not fit each other are dropped
+    /// with a warning.
+    pub fn set_topology(&self, id: PrimId, from: &AuthoredTopology<'_>) -> Result<(), Error> {
+        let (_, path) = self.find(id)?;
+        let (topology, dropped) = translate::topology(from)?;
+        self.edit(id, Edit::Topology(Arc::new(topology)))?;
+        let warnings = dropped
+            .into_iter()
+            .map(|text| Warning::new(&*path, Code::Topology, text));
+        self.warn(&warnings.collect::<Vec<_>>());
+        Ok(())
+    }
+
+    /// Queues which camera to render through, or none.
+    pub fn set_active_camera(&self, camera: Option<PrimId>) -> Result<(), Error> {
+        self.push(Change::ActiveCamera(camera))
+    }
+
+    /// Queues settings; their AOVs are ignored, see [`Session::set_aovs`].
+    pub fn set_settings(&self, settings: RenderSettings) -> Result<(), Error> {
+        self.push(Change::Settings(Box::new(settings)))
+    }
+
+    /// Queues the AOVs to render.
+    pub fn set_aovs(&self, names: Vec<String>) -> Result<(), Error> {
+        self.push(Change::Aovs(names))
+    }
+
+    fn push(&self, change: Change) -> Result<(), Error> {
+        self.shared.check()?;
+        lock(&self.edits).push(change)
+    }
+
+    /// Applies queued edits in order, dices and builds. Stops a running render first, unless
+    /// nothing changes.
+    pub fn commit(&self) -> Result<(), Error> {
+        self.may_wait()?;
+        let work = &mut *lock(&self.work);
+        self.shared.check()?;
+        self.apply_edits(work);
+        if work.current {
+            return Ok(());
+        }
+        self.stop(work);
+        let cancel = self.shared.begin();
+        let result = self.prepare(work, &cancel).map(|_| ());
+        self.shared.end(match &result {
+            Ok(()) => State::Idle,
+            Err(Error::Cancelled) => State::Cancelled,
+            Err(_) => State::Failed,
+        });
+        result
+    }
+
+    /// Commits, then renders from the first sample on a thread of the session.
+    pub fn start(&self) -> Result<(), Error> {
+        self.may_wait()?;
+        let work = &mut *lock(&self.work);
+        self.shared.check()?;
+        self.apply_edits(work);
+        self.stop(work);
+        let cancel = self.shared.begin();
+        let result = match work.current {
+            true => self.committed(),
+            false => self.prepare(work, &cancel),
+        };
+        let result = result.and_then(|committed| self.launch(work, committed, cancel));
+        if let Err(error) = &result {
+            self.shared.end(match error {
+                Error::Cancelled => State::Cancelled,
+                _ => State::Failed,
+            });
+        }
+        result
+    }
+
+    /// Waits until no commit or render is running, at most so long; true when none is.
+    pub fn wait(&self, limit: Option<Duration>) -> Result<bool, Error> {
+        self.may_wait()?;
+        let ended = self.shared.wait(limit);
+        self.shared.check()?;
+        Ok(ended)
+    }
+
+    /// Cancels a running commit or render and waits until it has stopped; keeps what was rendered.
+    pub fn cancel(&self) -> Result<(), Error> {
+        self.may_wait()?;
+        self.shared.request_cancel();
+        self.shared.wait(None);
+        self.shared.check()
+    }
+
+    /// How far the session is.
+    pub fn progress(&self) -> Result<Progress, Error> {
+        self.shared.check()?;
+        let status = self.shared.status();
+        Ok(status.run.progress(status.state, Instant::now()))
+    }
+
+    /// Numbers of the last commit and the last render that ended.
+    pub fn statistics(&self) -> Result<Statistics, Error> {
+        self.shared.check()?;
+        let peak_bytes = memory::peak_bytes().unwrap_or(0);
+        Ok(Statistics {
+            peak_bytes,
+            ..self.shared.status().statistics
+        })
+    }
+
+    /// Which effects the committed scene calls for, and which prim called for each.
+    pub fn explain(&self) -> Result<String, Error> {
+        self.shared.check()?;
+        let prepared = self.committed()?.prepared;
+        self.shared.guard(|| prepared.explain())
+    }
+
+    /// The nearest hit of each ray in the committed scene.
+    pub fn trace(&self, rays: &[WorldRay]) -> Result<Vec<WorldHit>, Error> {
+        self.shared.check()?;
+        let Committed { prepared, pool } = self.committed()?;
+        // Rays that cannot be traced are replaced by one that ends before it begins.
+        let checked = try_map(rays, |ray| match is_traceable(ray) {
+            true => *ray,
+            false => NO_RAY,
+        })?;
+        let mut hits = try_map(rays, |_| MISS)?;
+        self.shared
+            .guard(|| pool.install(|| prepared.trace_world(&checked, &mut hits)))?;
+        Ok(hits)
+    }
+
+    /// Size and type of an AOV of the last render that was started.
+    pub fn describe_aov(&self, name: &str) -> Result<AovShape, Error> {
+        let (rendered, aov) = self.rendered_aov(name)?;
+        Ok(AovShape::new(aov, rendered.frame.resolution()))
+    }
+
+    /// An AOV of the last render that was started, as far as it is.
+    pub fn aov(&self, name: &str) -> Result<AovImage, Error> {
+        let (rendered, aov) = self.rendered_aov(name)?;
+        let needed = AovShape::new(aov, rendered.frame.resolution()).bytes();
+        memory::check(needed, "reading an AOV")?;
+        let image = self.shared.guard(|| rendered.frame.aov(aov))?;
+        image.ok_or_else(|| not_rendered(name))
+    }
+
+    /// Writes AOVs of the last render to a file.
+    pub fn write_image(&self, path: &Path, options: &ImageOptions) -> Result<(), Error> {
+        let _ = (path, options, self.rendered()?);
+        Err(Error::Unsupported("no images yet".to_owned()))
+    }
+
+    fn rendered_aov(&self, name: &str) -> Result<(Rendered, Aov), Error> {
+        self.shared.check()?;
+        let rendered = self.rendered()?;
+        let aov = Aov::from_name(name).filter(|aov| rendered.frame.aovs().contains(aov));
+        Ok((rendered, aov.ok_or_else(|| not_rendered(name))?))
+    }
+
+    fn rendered(&self) -> Result<Rendered, Error> {
+        let rendered = self.shared.status().rendered.clone();
+        rendered.ok_or_else(|| Error::NotFound("no render was started yet".to_owned()))
+    }
+
+    /// Refuses every further call: for the layer above, where it caught a panic itself.
+    pub fn poison(&self, why: &str) {
+        self.shared.poison(why);
+    }
+
+    fn committed(&self) -> Result<Committed, Error> {
+        let committed = self.shared.status().committed.clone();
+        committed.ok_or_else(|| Error::NotFound("no scene was committed yet".to_owned()))
+    }
+
+    fn may_wait(&self) -> Result<(), Error> {
+        if in_log_callback() {
+            return Err(Error::Busy);
+        }
+        self.shared.check()
+    }
+
+    fn warn(&self, warnings: &[Warning]) {
+        let shared = &self.shared;
+        with_default(&shared.dispatch, || {
+            warnings.iter().for_each(|w| shared.log.warn_once(w));
+        });
+    }
+
+    fn apply_edits(&self, work: &mut Work) {
+        let changes = lock(&self.edits).take();
+        if apply(&mut work.scene, changes) {
+            work.version += 1;
+            work.current = false;
+        }
+    }
+
+    /// Stops the render thread and waits for its end.
+    fn stop(&self, work: &mut Work) {
+        if let Some(renderer) = work.renderer.take() {
+            self.shared.request_cancel();
+            // Its panics were caught and told already.
+            let _ = renderer.join();
+        }
+    }
+
+    fn pool(&self, work: &mut Work) -> Result<Arc<Pool>, Error> {
+        let threads = work.scene.settings.threads;
+        if let Some((count, pool)) = &work.pool
+            && *count == threads
+        {
+            return Ok(pool.clone());
+        }
+        let pool = Arc::new(Pool::new(threads, &self.shared.dispatch)?);
+        work.pool = Some((threads, pool.clone()));
+        Ok(pool)
+    }
+
+    /// Makes the scene ready for rays and publishes it.
+    fn prepare(&self, work: &mut Work, cancel: &AtomicBool) -> Result<Committed, Error> {
+        self.shared.status().committed = None;
+        let pool = self.pool(work)?;
+        let (scene, previous) = (&work.scene, work.previous.as_deref());
+        let factory = self.factory.as_ref();
+        let preparation = self
+            .shared
+            .guard(|| pool.install(|| prepare(scene, factory, previous, cancel)))?
+            .map_err(prepare_error)?;
+        self.warn(&preparation.warnings);
+        let prepared = Arc::new(preparation.prepared);
+        work.previous = Some(prepared.clone());
+        work.current = true;
+        let committed = Committed { prepared, pool };
+        let mut status = self.shared.status();
+        status.statistics = prepare_statistics(&committed.prepared);
+        status.committed = Some(committed.clone());
+        drop(status);
+        with_default(&self.shared.dispatch, || {
+            tracing::debug!("scene version {} is committed", work.version);
+        });
+        Ok(committed)
+    }
+
+    /// Starts the render thread.
+    fn launch(
+        &self,
+        work: &mut Work,
+        committed: Committed,
+        cancel: Arc<AtomicBool>,
+    ) -> Result<(), Error> {
+        let Committed { prepared, pool } = committed;
+        let total = work.scene.settings.samples;
+        let frame = Arc::new(self.shared.guard(|| new_frame(&prepared))??);
+        let mut status = self.shared.status();
+        status.rendered = Some(Rendered {
+            frame: frame.clone(),
+        });
+        status.state = State::Rendering;
+        status.run.rendering_since = Some(Instant::now());
+        status.run.total = total;
+        drop(status);
+        let shared = self.shared.clone();
+        let run = move || {
+            with_default(&shared.dispatch, || {
+                render_all(&shared, &pool, &prepared, &frame, &cancel);
+            });
+        };
+        let spawned = Builder::new()
+            .name("hdtrapeze-render".to_owned())
+            .spawn(run);
+        work.renderer = Some(
+            spawned
+                .map_err(|error| Error::OutOfMemory(format!("cannot start a thread: {error}")))?,
+        );
+        Ok(())
+    }
+}
+
+impl Drop for Session {
+    fn drop(&mut self) {
+        let mut work = std::mem::take(&mut *lock(&self.work));
+        self.stop(&mut work);
+    }
+}
+
+/// The render thread.
+fn render_all(
+    shared: &Shared,
+    pool: &Pool,
+    prepared: &Prepared,
+    frame: &Frame,
+    cancel: &AtomicBool,
+) {
+    let work = || {
+        let control = RenderControl {
+            cancel,
+            on_progress: &|fraction| {
+                let run = &mut shared.status().run;
+                run.fraction = run.fraction.max(fraction);
+            },
+            on_pass: &|done, _| shared.status().run.done = done,
+        };
+        render(prepared, frame, &control)
+    };
+    let result = shared.guard(|| pool.install(work));
+    let Ok(statistics) = result else {
+        tracing::error!("the renderer failed; the session can only be destroyed");
+        return;
+    };
+    let mut status = shared.status();
+    status.run.done = frame.samples_done();
+    let all = &mut status.statistics;
+    all.film_bytes = frame.bytes();
+    all.trace_seconds = statistics.seconds;
+    all.total_seconds += statistics.seconds;
+    all.rays = statistics.counts.rays;
+    all.node_tests = statistics.counts.node_tests;
+    all.cell_tests = statistics.counts.cell_tests;
+    drop(status);
+    shared.end(match statistics.cancelled {
+        true => State::Cancelled,
+        false => State::Finished,
+    });
+}
+
+fn prepare_statistics(prepared: &Prepared) -> Statistics {
+    let from = prepared.statistics();
+    Statistics {
+        prims: from.prims,
+        instances: from.instances,
+        objects: from.objects,
+        grids: from.grids,
+        micropolygons: from.micropolygons,
+        limit_evaluations: from.limit_evaluations,
+        geometry_bytes: from.geometry_bytes,
+        bvh_bytes: from.bvh_bytes,
+        bvh_nodes: from.bvh_nodes,
+        dice_seconds: from.dice_seconds,
+        build_seconds: from.build_seconds + from.world_seconds,
+        total_seconds: from.total_seconds,
+        objects_diced: from.objects_diced,
+        objects_reused: from.objects_reused,
+        ..Statistics::default()
+    }
+}
+
+/// An empty film, refused where memory for it and for reading it back is not there.
+fn new_frame(prepared: &Prepared) -> Result<Frame, Error> {
+    let settings = prepared.settings();
+    let [width, height] = settings.resolution.map(u64::from);
+    let pixels = match settings.crop {
+        Some([x0, y0, x1, y1]) => u64::from(x1 - x0) * u64::from(y1 - y0),
+        None => width * height,
+    };
+    let widest = prepared.aovs().iter().map(|aov| aov.components()).max();
+    let film = pixels.saturating_mul(Keeps::of(prepared.aovs()).bytes() as u64);
+    let image = (width * height).saturating_mul(4 * widest.unwrap_or(0) as u64);
+    memory::check(film.saturating_add(image), "the film")?;
+    let frame = Frame::new(settings.resolution, settings.crop, prepared.aovs());
+    frame.map_err(|error| match error {
+        FrameError::OutOfMemory(_) => Error::OutOfMemory(error.to_string()),
+        _ => Error::InvalidArgument(error.to_string()),
+    })
+}
+
+fn prepare_error(error: PrepareError) -> Error {
+    match error {
+        PrepareError::Cancelled => Error::Cancelled,
+        _ => Error::InvalidArgument(error.to_string()),
+    }
+}
+
+fn not_rendered(name: &str) -> Error {
+    Error::NotFound(format!("AOV {name} was not rendered"))
+}
+
+/// A ray that hits nothing.
+const NO_RAY: WorldRay = WorldRay {
+    origin: DVec3::ZERO,
+    dir: Vec3::Z,
+    time: 0.0,
+    t_min: 1.0,
+    t_max: 0.0,
+};
+
+/// What such a ray hits; the trace overwrites it.
+const MISS: WorldHit = WorldHit {
+    t: f32::INFINITY,
+    u: 0.0,
+    v: 0.0,
+    normal: Vec3::ZERO,
+    prim_id: -1,
+    instance_id: -1,
+    element_id: -1,
+    grid: 0,
+    cell: 0,
+};
+
+fn is_traceable(ray: &WorldRay) -> bool {
+    let numbers = [ray.time, ray.t_min, ray.t_max];
+    ray.origin.as_vec3().is_finite()
+        && ray.dir.is_finite()
+        && ray.dir != Vec3::ZERO
+        && !numbers.iter().any(|number| number.is_nan())
+}

@@ -1,0 +1,167 @@
+//! Numbers of the C ABI: result codes and the values of enum-like fields.
+//!
+//! Plain constants, so that the header has `#define NAME value` lines that C, C++ and parsers of
+//! the header read alike. A number is never reused and never changes its meaning.
+
+/// Version of this ABI: grows when functions or fields are added; what is there never changes.
+pub const TRZ_ABI_VERSION: u32 = 1;
+
+/// Success.
+pub const TRZ_OK: i32 = 0;
+/// A pointer that must not be null is null.
+pub const TRZ_ERROR_NULL_POINTER: i32 = 1;
+/// An argument is out of range, not UTF-8, of an unknown kind, or contradicts another.
+pub const TRZ_ERROR_INVALID_ARGUMENT: i32 = 2;
+/// No prim, AOV, committed scene or render of that name or number.
+pub const TRZ_ERROR_NOT_FOUND: i32 = 3;
+/// Well formed, but this build or version cannot do it.
+pub const TRZ_ERROR_UNSUPPORTED: i32 = 4;
+/// Memory was refused; the session is unharmed.
+pub const TRZ_ERROR_OUT_OF_MEMORY: i32 = 5;
+/// A file could not be written; what was there before is untouched.
+pub const TRZ_ERROR_IO: i32 = 6;
+/// Cancelled before it was done.
+pub const TRZ_ERROR_CANCELLED: i32 = 7;
+/// An earlier call failed with TRZ_ERROR_INTERNAL; the session can only be destroyed.
+pub const TRZ_ERROR_POISONED: i32 = 8;
+/// Would wait for itself: called from the session's own log callback.
+pub const TRZ_ERROR_BUSY: i32 = 9;
+/// The buffer given is too small.
+pub const TRZ_ERROR_BUFFER_TOO_SMALL: i32 = 10;
+/// A defect of the library; it poisons the session.
+pub const TRZ_ERROR_INTERNAL: i32 = 11;
+
+/// subdivisionScheme catmullClark.
+pub const TRZ_SCHEME_CATMULL_CLARK: u32 = 0;
+/// subdivisionScheme loop; triangles only.
+pub const TRZ_SCHEME_LOOP: u32 = 1;
+/// subdivisionScheme bilinear.
+pub const TRZ_SCHEME_BILINEAR: u32 = 2;
+/// subdivisionScheme none: polygons.
+pub const TRZ_SCHEME_NONE: u32 = 3;
+
+/// interpolateBoundary none.
+pub const TRZ_BOUNDARY_NONE: u32 = 0;
+/// interpolateBoundary edgeOnly.
+pub const TRZ_BOUNDARY_EDGE_ONLY: u32 = 1;
+/// interpolateBoundary edgeAndCorner (USD's default).
+pub const TRZ_BOUNDARY_EDGE_AND_CORNER: u32 = 2;
+
+/// faceVaryingLinearInterpolation none.
+pub const TRZ_FVAR_NONE: u32 = 0;
+/// faceVaryingLinearInterpolation cornersOnly.
+pub const TRZ_FVAR_CORNERS_ONLY: u32 = 1;
+/// faceVaryingLinearInterpolation cornersPlus1 (USD's default).
+pub const TRZ_FVAR_CORNERS_PLUS1: u32 = 2;
+/// faceVaryingLinearInterpolation cornersPlus2.
+pub const TRZ_FVAR_CORNERS_PLUS2: u32 = 3;
+/// faceVaryingLinearInterpolation boundaries.
+pub const TRZ_FVAR_BOUNDARIES: u32 = 4;
+/// faceVaryingLinearInterpolation all.
+pub const TRZ_FVAR_ALL: u32 = 5;
+
+/// triangleSubdivisionRule catmullClark (USD's default).
+pub const TRZ_TRIANGLES_CATMULL_CLARK: u32 = 0;
+/// triangleSubdivisionRule smooth.
+pub const TRZ_TRIANGLES_SMOOTH: u32 = 1;
+
+/// orientation rightHanded (USD's default).
+pub const TRZ_ORIENTATION_RIGHT_HANDED: u32 = 0;
+/// orientation leftHanded.
+pub const TRZ_ORIENTATION_LEFT_HANDED: u32 = 1;
+
+/// One value for the prim.
+pub const TRZ_INTERPOLATION_CONSTANT: u32 = 0;
+/// One value a face.
+pub const TRZ_INTERPOLATION_UNIFORM: u32 = 1;
+/// One value a point, linear over faces.
+pub const TRZ_INTERPOLATION_VARYING: u32 = 2;
+/// One value a point, smoothed with the scheme.
+pub const TRZ_INTERPOLATION_VERTEX: u32 = 3;
+/// One value a face-vertex.
+pub const TRZ_INTERPOLATION_FACE_VARYING: u32 = 4;
+
+/// Perspective camera.
+pub const TRZ_PROJECTION_PERSPECTIVE: u32 = 0;
+/// Orthographic camera; apertures are the size of the view.
+pub const TRZ_PROJECTION_ORTHOGRAPHIC: u32 = 1;
+
+/// Box filter, 1 pixel wide unless a width is given.
+pub const TRZ_FILTER_BOX: u32 = 0;
+/// Gaussian filter, 2 pixels wide.
+pub const TRZ_FILTER_GAUSSIAN: u32 = 1;
+/// Mitchell-Netravali filter, 4 pixels wide.
+pub const TRZ_FILTER_MITCHELL: u32 = 2;
+/// Blackman-Harris filter, 3 pixels wide.
+pub const TRZ_FILTER_BLACKMAN_HARRIS: u32 = 3;
+
+/// Keep the camera's width, change its height (usdrecord's).
+pub const TRZ_WINDOW_MATCH_HORIZONTALLY: u32 = 0;
+/// Keep the camera's height, change its width.
+pub const TRZ_WINDOW_MATCH_VERTICALLY: u32 = 1;
+/// Show all of the camera's view, and more.
+pub const TRZ_WINDOW_FIT: u32 = 2;
+/// Fill the image with part of the camera's view.
+pub const TRZ_WINDOW_CROP: u32 = 3;
+/// Stretch.
+pub const TRZ_WINDOW_DONT_CONFORM: u32 = 4;
+
+/// The library picks.
+pub const TRZ_BACKEND_AUTO: u32 = 0;
+/// All on the CPU.
+pub const TRZ_BACKEND_CPU: u32 = 1;
+/// The GPU.
+pub const TRZ_BACKEND_GPU: u32 = 2;
+
+/// Something failed.
+pub const TRZ_LOG_ERROR: u32 = 0;
+/// Something in the scene was repaired, dropped or coarsened.
+pub const TRZ_LOG_WARN: u32 = 1;
+/// What a user wants to read.
+pub const TRZ_LOG_INFO: u32 = 2;
+/// What a developer wants to read.
+pub const TRZ_LOG_DEBUG: u32 = 3;
+
+/// 32-bit float components.
+pub const TRZ_FORMAT_FLOAT32: u32 = 0;
+/// 32-bit signed integer components.
+pub const TRZ_FORMAT_INT32: u32 = 1;
+
+/// OpenEXR, one layer an AOV.
+pub const TRZ_IMAGE_EXR: u32 = 0;
+/// PNG, 8 bits a channel, one AOV.
+pub const TRZ_IMAGE_PNG: u32 = 1;
+
+/// 16-bit floats.
+pub const TRZ_PIXEL_HALF: u32 = 0;
+/// 32-bit floats.
+pub const TRZ_PIXEL_FLOAT: u32 = 1;
+
+/// Uncompressed EXR.
+pub const TRZ_COMPRESSION_NONE: u32 = 0;
+/// Run lengths.
+pub const TRZ_COMPRESSION_RLE: u32 = 1;
+/// Zip, one scan line a block.
+pub const TRZ_COMPRESSION_ZIPS: u32 = 2;
+/// Zip, 16 scan lines a block.
+pub const TRZ_COMPRESSION_ZIP: u32 = 3;
+/// Wavelet.
+pub const TRZ_COMPRESSION_PIZ: u32 = 4;
+
+/// Linear values as rendered.
+pub const TRZ_COLOR_LINEAR: u32 = 0;
+/// Encoded with sRGB's transfer function.
+pub const TRZ_COLOR_SRGB: u32 = 1;
+
+/// Nothing was rendered yet.
+pub const TRZ_STATE_IDLE: u32 = 0;
+/// Edits are applied, surfaces diced, the BVH built.
+pub const TRZ_STATE_PREPARING: u32 = 1;
+/// Rays are traced.
+pub const TRZ_STATE_RENDERING: u32 = 2;
+/// Every sample was taken.
+pub const TRZ_STATE_FINISHED: u32 = 3;
+/// Stopped early; what was rendered is kept.
+pub const TRZ_STATE_CANCELLED: u32 = 4;
+/// Failed; trz_render_wait tells why.
+pub const TRZ_STATE_FAILED: u32 = 5;

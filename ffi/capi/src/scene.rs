@@ -1,0 +1,306 @@
+//! Scene edits: `trz_mesh_*`, `trz_grids_*`, `trz_camera_*`, `trz_prim_*`.
+//!
+//! Each function checks what memory safety needs, copies its input, and queues one edit. Whether
+//! the data make sense (indices in range, counts that match) is found at commit.
+
+use std::ffi::c_char;
+
+use hdtrapeze_core::scene::{CameraDesc, PrimId};
+use hdtrapeze_delegate::{Edit, Kind};
+
+use crate::fault::{Fault, call, with_session};
+use crate::types::*;
+use crate::{convert, input};
+
+/// Queues a prim; safety as for the functions that call it.
+unsafe fn create(
+    session: *mut trz_session,
+    kind: Kind,
+    path: *const c_char,
+    out: *mut trz_id,
+) -> trz_result {
+    // SAFETY: the caller passes null or valid pointers.
+    unsafe {
+        with_session(session, |session| {
+            let out = input::place(out, "out")?;
+            let path = input::text(path, "path")?;
+            *out = session.create(kind, path)?.0;
+            Ok(())
+        })
+    }
+}
+
+/// Queues one edit; safety as for the functions that call it.
+unsafe fn edit(
+    session: *mut trz_session,
+    id: trz_id,
+    make: impl FnOnce() -> Result<Edit, Fault>,
+) -> trz_result {
+    // SAFETY: the caller passes null or a live session.
+    unsafe {
+        with_session(session, |session| {
+            session.find(PrimId(id))?;
+            Ok(session.edit(PrimId(id), make()?)?)
+        })
+    }
+}
+
+/// Queues a mesh without faces. path (UTF-8) names it in messages; two prims may have one path.
+///
+/// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT (path), TRZ_ERROR_POISONED.
+/// Threads: any.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trz_mesh_create(
+    session: *mut trz_session,
+    path: *const c_char,
+    out: *mut trz_id,
+) -> trz_result {
+    // SAFETY: the caller passes null or valid pointers.
+    unsafe { create(session, Kind::Mesh, path, out) }
+}
+
+/// Queues a mesh's topology; everything is copied. Creases or corners whose lists do not fit each
+/// other are dropped with a warning.
+///
+/// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
+/// TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_POISONED. Threads: any.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trz_mesh_set_topology(
+    session: *mut trz_session,
+    mesh: trz_id,
+    topology: *const trz_topology,
+) -> trz_result {
+    // SAFETY: the caller passes null or valid pointers.
+    unsafe {
+        with_session(session, |session| {
+            session.find(PrimId(mesh))?;
+            let topology = convert::topology(&input::read(topology, "topology")?)?;
+            Ok(session.set_topology(PrimId(mesh), &topology)?)
+        })
+    }
+}
+
+/// Queues a mesh's points; everything is copied. Samples of unequal counts are rendered without
+/// motion, with a warning at commit.
+///
+/// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
+/// TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_POISONED. Threads: any.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trz_mesh_set_points(
+    session: *mut trz_session,
+    mesh: trz_id,
+    points: *const trz_points,
+) -> trz_result {
+    // SAFETY: the caller passes null or valid pointers.
+    unsafe {
+        edit(session, mesh, || {
+            convert::points(&input::read(points, "points")?).map(Edit::Points)
+        })
+    }
+}
+
+/// Queues an empty prim of pre-diced grids. path (UTF-8) names it in messages.
+///
+/// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT (path), TRZ_ERROR_POISONED.
+/// Threads: any.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trz_grids_create(
+    session: *mut trz_session,
+    path: *const c_char,
+    out: *mut trz_id,
+) -> trz_result {
+    // SAFETY: the caller passes null or valid pointers.
+    unsafe { create(session, Kind::Grids, path, out) }
+}
+
+/// Queues the grids of a grids prim, in place of those before; everything is copied. Rates must be
+/// 1 to 16, and position_count what rates and keys add up to.
+///
+/// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
+/// TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_POISONED. Threads: any.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trz_grids_set(
+    session: *mut trz_session,
+    grids_prim: trz_id,
+    grids: *const trz_grids,
+) -> trz_result {
+    // SAFETY: the caller passes null or valid pointers.
+    unsafe {
+        edit(session, grids_prim, || {
+            convert::grids(&input::read(grids, "grids")?).map(Edit::Grids)
+        })
+    }
+}
+
+/// Queues a camera with trz_camera_default's values. path (UTF-8) names it in messages and
+/// metadata.
+///
+/// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT (path), TRZ_ERROR_POISONED.
+/// Threads: any.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trz_camera_create(
+    session: *mut trz_session,
+    path: *const c_char,
+    out: *mut trz_id,
+) -> trz_result {
+    // SAFETY: the caller passes null or valid pointers.
+    unsafe { create(session, Kind::Camera, path, out) }
+}
+
+/// Fills out, whose struct_size the caller has set, with UsdGeomCamera's fallbacks in scene units.
+///
+/// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT (struct_size). Threads: any.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trz_camera_default(out: *mut trz_camera) -> trz_result {
+    call(|| {
+        // SAFETY: the caller passes null or a struct of the size it tells.
+        unsafe { input::write(out, convert::camera_to_c(&CameraDesc::default()), "out") }
+    })
+}
+
+/// Queues a camera's lens, film back and shutter.
+///
+/// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
+/// TRZ_ERROR_POISONED. Threads: any.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trz_camera_set(
+    session: *mut trz_session,
+    camera: trz_id,
+    desc: *const trz_camera,
+) -> trz_result {
+    // SAFETY: the caller passes null or valid pointers.
+    unsafe {
+        edit(session, camera, || {
+            convert::camera(&input::read(desc, "camera")?).map(Edit::Camera)
+        })
+    }
+}
+
+/// Queues the transform of a prim or camera: level_count levels, its own first, then its parent's,
+/// up to the root; none is the identity. Everything is copied.
+///
+/// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT (a level without samples),
+/// TRZ_ERROR_NOT_FOUND, TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_POISONED. Threads: any.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trz_prim_set_transform(
+    session: *mut trz_session,
+    prim: trz_id,
+    levels: *const trz_transform_samples,
+    level_count: usize,
+) -> trz_result {
+    // SAFETY: the caller passes null or valid pointers.
+    unsafe {
+        edit(session, prim, || {
+            convert::transform(input::slice(levels, level_count, "levels")?).map(Edit::Transform)
+        })
+    }
+}
+
+/// Queues a primvar under its USD name (displayColor, displayOpacity, normals...), in place of the
+/// one before; NULL removes it. Everything is copied.
+///
+/// Errors: TRZ_ERROR_NULL_POINTER (name), TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
+/// TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_POISONED. Threads: any.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trz_prim_set_primvar(
+    session: *mut trz_session,
+    prim: trz_id,
+    name: *const c_char,
+    primvar: *const trz_primvar,
+) -> trz_result {
+    // SAFETY: the caller passes null or valid pointers.
+    unsafe {
+        edit(session, prim, || {
+            let name = input::text(name, "name")?;
+            if name.is_empty() {
+                return Err(Fault::invalid("a primvar needs a name"));
+            }
+            let primvar = match primvar.is_null() {
+                true => None,
+                false => Some(convert::primvar(&input::read(primvar, "primvar")?)?),
+            };
+            Ok(Edit::Primvar(name.to_owned(), primvar))
+        })
+    }
+}
+
+/// Queues the instances of a prim; NULL: not instanced, the prim appears once. Everything is
+/// copied.
+///
+/// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
+/// TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_POISONED. Threads: any.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trz_prim_set_instances(
+    session: *mut trz_session,
+    prim: trz_id,
+    instances: *const trz_instances,
+) -> trz_result {
+    // SAFETY: the caller passes null or valid pointers.
+    unsafe {
+        edit(session, prim, || {
+            let instances = match instances.is_null() {
+                true => None,
+                false => Some(convert::instances(&input::read(instances, "instances")?)?),
+            };
+            Ok(Edit::Instances(instances))
+        })
+    }
+}
+
+/// Queues whether a prim is seen by the camera: 1 (as created) or 0.
+///
+/// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
+/// TRZ_ERROR_POISONED. Threads: any.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trz_prim_set_visible(
+    session: *mut trz_session,
+    prim: trz_id,
+    visible: u32,
+) -> trz_result {
+    // SAFETY: the caller passes null or a live session.
+    unsafe {
+        edit(session, prim, || {
+            input::flag(visible, "visible").map(Edit::Visible)
+        })
+    }
+}
+
+/// Queues the number that the primId AOV and ray hits show for a prim; 0 as created.
+///
+/// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
+/// TRZ_ERROR_POISONED. Threads: any.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trz_prim_set_pick_id(
+    session: *mut trz_session,
+    prim: trz_id,
+    prim_id: i32,
+) -> trz_result {
+    // SAFETY: the caller passes null or a live session.
+    unsafe { edit(session, prim, || Ok(Edit::PickId(prim_id))) }
+}
+
+/// Queues the removal of a prim or camera. Its id is not found any more from now on.
+///
+/// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_NOT_FOUND, TRZ_ERROR_POISONED. Threads: any.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trz_prim_remove(session: *mut trz_session, prim: trz_id) -> trz_result {
+    // SAFETY: the caller passes null or a live session.
+    unsafe { edit(session, prim, || Ok(Edit::Remove)) }
+}
+
+/// Queues which camera to render through; 0 for none.
+///
+/// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT (not a camera), TRZ_ERROR_NOT_FOUND,
+/// TRZ_ERROR_POISONED. Threads: any.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trz_session_set_active_camera(
+    session: *mut trz_session,
+    camera: trz_id,
+) -> trz_result {
+    // SAFETY: the caller passes null or a live session.
+    unsafe {
+        with_session(session, |session| {
+            Ok(session.set_active_camera((camera != 0).then_some(PrimId(camera)))?)
+        })
+    }
+}

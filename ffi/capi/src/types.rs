@@ -1,0 +1,412 @@
+//! Structs of the C ABI, with C's names.
+//!
+//! A struct that begins with `struct_size` is versioned: the caller sets it to `sizeof` before any
+//! call, also where the library fills the struct. Later versions add fields at the end only. A
+//! smaller size is an older version and is accepted down to the first one; a larger size is a newer
+//! version and is accepted where the fields unknown here are zero bytes. Structs without
+//! `struct_size` are array elements and never change.
+#![allow(non_camel_case_types)]
+
+use std::ffi::{c_char, c_void};
+
+/// A session: scene, renderer and images. Made by trz_session_create.
+pub struct trz_session {
+    pub(crate) session: hdtrapeze_delegate::Session,
+}
+
+/// A prim or camera of one session; 0 is none; never reused.
+pub type trz_id = u64;
+
+/// TRZ_OK or one of TRZ_ERROR_*; codes are never reused.
+pub type trz_result = i32;
+
+/// Receives messages. prim_path and code are empty where a message is not about a prim; no pointer
+/// is null or outlives the call. Called from any thread, one call at a time for a session. Must not
+/// throw, and must not call the session: calls that would wait for themselves return
+/// TRZ_ERROR_BUSY.
+pub type trz_log_fn = Option<
+    unsafe extern "C" fn(
+        user: *mut c_void,
+        level: u32,
+        prim_path: *const c_char,
+        code: *const c_char,
+        text: *const c_char,
+    ),
+>;
+
+/// Matrix samples of one level of the hierarchy.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct trz_transform_samples {
+    /// count times, in time codes relative to the frame, in any order.
+    pub times: *const f64,
+    /// count * 16; USD layout: row-major, row vectors; local to parent.
+    pub matrices: *const f64,
+    /// Number of samples.
+    pub count: usize,
+}
+
+/// Topology and subdivision options of a mesh, as authored. Contradictions between counts and
+/// indices are found at commit, repaired or dropped with a warning.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct trz_topology {
+    /// sizeof(trz_topology).
+    pub struct_size: u32,
+    /// TRZ_SCHEME_*.
+    pub scheme: u32,
+    /// TRZ_BOUNDARY_*.
+    pub boundary: u32,
+    /// TRZ_FVAR_*.
+    pub face_varying: u32,
+    /// TRZ_TRIANGLES_*.
+    pub triangles: u32,
+    /// TRZ_ORIENTATION_*.
+    pub orientation: u32,
+    /// Vertices of each face.
+    pub face_vertex_counts: *const i32,
+    /// Number of faces.
+    pub face_count: usize,
+    /// Points of the faces, concatenated.
+    pub face_vertex_indices: *const i32,
+    /// Number of face-vertices.
+    pub index_count: usize,
+    /// Faces that are holes.
+    pub holes: *const i32,
+    /// Number of holes.
+    pub hole_count: usize,
+    /// Points of the creases, concatenated.
+    pub crease_indices: *const i32,
+    /// Length of crease_indices.
+    pub crease_index_count: usize,
+    /// Points of each crease.
+    pub crease_lengths: *const i32,
+    /// Number of creases.
+    pub crease_count: usize,
+    /// One a crease, or one an edge.
+    pub crease_sharpnesses: *const f32,
+    /// Length of crease_sharpnesses.
+    pub crease_sharpness_count: usize,
+    /// Sharp points.
+    pub corner_indices: *const i32,
+    /// Number of sharp points.
+    pub corner_count: usize,
+    /// One a sharp point.
+    pub corner_sharpnesses: *const f32,
+    /// Length of corner_sharpnesses.
+    pub corner_sharpness_count: usize,
+}
+
+/// Point samples of a mesh, object space.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct trz_points {
+    /// sizeof(trz_points).
+    pub struct_size: u32,
+    /// sample_count times, in time codes relative to the frame, in any order.
+    pub times: *const f64,
+    /// Number of samples.
+    pub sample_count: usize,
+    /// sample_count arrays of 3 * counts[i] floats.
+    pub points: *const *const f32,
+    /// Points of each sample.
+    pub counts: *const usize,
+}
+
+/// A primvar, one sample.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct trz_primvar {
+    /// sizeof(trz_primvar).
+    pub struct_size: u32,
+    /// TRZ_INTERPOLATION_*.
+    pub interpolation: u32,
+    /// Floats a value, 1 to 16.
+    pub width: u32,
+    /// value_count * width floats.
+    pub values: *const f32,
+    /// Number of values.
+    pub value_count: usize,
+    /// Indices into the values.
+    pub indices: *const i32,
+    /// Number of indices; 0: not indexed.
+    pub index_count: usize,
+}
+
+/// Instances of a prim.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct trz_instances {
+    /// sizeof(trz_instances).
+    pub struct_size: u32,
+    /// sample_count times, in time codes relative to the frame, in any order.
+    pub times: *const f64,
+    /// Number of samples.
+    pub sample_count: usize,
+    /// [sample][instance][16], USD layout; world = prim transform, then this.
+    pub matrices: *const f64,
+    /// Number of instances; 0: the prim does not appear.
+    pub instance_count: usize,
+    /// instanceId of each, or NULL for 0, 1, 2...
+    pub ids: *const i32,
+}
+
+/// Grids that are already diced, object space.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct trz_grids {
+    /// sizeof(trz_grids).
+    pub struct_size: u32,
+    /// key_count times, in time codes relative to the frame.
+    pub times: *const f64,
+    /// Number of position keys.
+    pub key_count: usize,
+    /// grid_count * 2: nu, nv; 1 to 16.
+    pub rates: *const u16,
+    /// elementId of each grid, or NULL for the grid's number.
+    pub elements: *const u32,
+    /// Number of grids.
+    pub grid_count: usize,
+    /// For each grid, each key, (nv+1) rows of (nu+1) xyz.
+    pub positions: *const f32,
+    /// Vertices over all grids and keys (3 floats each).
+    pub position_count: usize,
+}
+
+/// A thin-lens camera that looks down its local -z with +y up. All lengths are scene units
+/// (UsdGeomCamera's apertures and focal length are tenths: multiply by 0.1).
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct trz_camera {
+    /// sizeof(trz_camera).
+    pub struct_size: u32,
+    /// TRZ_PROJECTION_*.
+    pub projection: u32,
+    /// Width of the film back.
+    pub horizontal_aperture: f64,
+    /// Height of the film back.
+    pub vertical_aperture: f64,
+    /// Offset of the film back to the right.
+    pub horizontal_aperture_offset: f64,
+    /// Offset of the film back upwards.
+    pub vertical_aperture_offset: f64,
+    /// Focal length.
+    pub focal_length: f64,
+    /// Distance from the lens to the plane in focus.
+    pub focus_distance: f64,
+    /// f-number; 0 is a pinhole. Lens radius = focal_length / (2 f_stop).
+    pub f_stop: f64,
+    /// Nearest visible depth.
+    pub clipping_near: f64,
+    /// Farthest visible depth.
+    pub clipping_far: f64,
+    /// Shutter open, time codes relative to the frame.
+    pub shutter_open: f64,
+    /// Shutter close, time codes relative to the frame.
+    pub shutter_close: f64,
+    /// Linear factor on radiance (2^EV); 1 for none.
+    pub exposure_scale: f64,
+}
+
+/// Settings of a render.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct trz_settings {
+    /// sizeof(trz_settings).
+    pub struct_size: u32,
+    /// Image width, 1 to 65536 pixels.
+    pub width: u32,
+    /// Image height, 1 to 65536 pixels.
+    pub height: u32,
+    /// x0 y0 x1 y1 in pixels, half open, y down, inside the image; all 0 for the whole image.
+    pub crop: [u32; 4],
+    /// Pixel width over height.
+    pub pixel_aspect: f32,
+    /// TRZ_WINDOW_*.
+    pub window_policy: u32,
+    /// Samples a pixel, 1 to 1048576.
+    pub samples: u32,
+    /// Micropolygon edge in pixels, above 0.
+    pub shading_rate: f32,
+    /// TRZ_FILTER_*.
+    pub filter: u32,
+    /// Filter diameter in pixels, up to 64; 0: the filter's own.
+    pub filter_width: f32,
+    /// Seed of all sample patterns.
+    pub seed: u32,
+    /// Threads, up to 4096; 0: all cores.
+    pub threads: u32,
+    /// 1: shutter_open and shutter_close below in place of the camera's.
+    pub override_shutter: u32,
+    /// Time codes relative to the frame.
+    pub shutter_open: f64,
+    /// Time codes relative to the frame, not before shutter_open.
+    pub shutter_close: f64,
+    /// 1: everything stands still at shutter open.
+    pub disable_motion_blur: u32,
+    /// 1: the lens is a pinhole.
+    pub disable_defocus: u32,
+    /// 1: a light at the camera where the scene has none.
+    pub camera_light: u32,
+    /// Part of the shutter that is sampled, in [0, 1]; 0, 1 for all. Dicing still sees all of it.
+    pub time_window: [f32; 2],
+    /// 1: every sample goes through lens_point.
+    pub fix_lens: u32,
+    /// A point of the unit disk.
+    pub lens_point: [f32; 2],
+    /// Most micropolygons that dicing may make; beyond it rates are coarsened with a warning. 0:
+    /// the default.
+    pub max_micropolygons: u64,
+    /// TRZ_BACKEND_*.
+    pub backend: u32,
+}
+
+/// How far a render is.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct trz_progress {
+    /// sizeof(trz_progress).
+    pub struct_size: u32,
+    /// TRZ_STATE_*.
+    pub state: u32,
+    /// Of the samples, 0 to 1.
+    pub fraction: f64,
+    /// Samples a pixel that every pixel has.
+    pub samples_done: u32,
+    /// Samples a pixel that were asked for.
+    pub samples_total: u32,
+    /// Seconds since the start (of the commit or render), up to its end.
+    pub seconds: f64,
+    /// Estimate; negative while unknown.
+    pub seconds_left: f64,
+}
+
+/// What the last commit and the last render did.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct trz_statistics {
+    /// sizeof(trz_statistics).
+    pub struct_size: u32,
+    /// Geometry prims.
+    pub prims: u64,
+    /// Instances in the world.
+    pub instances: u64,
+    /// Diced objects that instances share.
+    pub objects: u64,
+    /// Grids.
+    pub grids: u64,
+    /// Micropolygons, shared ones counted once.
+    pub micropolygons: u64,
+    /// Limit surface evaluations.
+    pub limit_evaluations: u64,
+    /// Bytes of diced geometry.
+    pub geometry_bytes: u64,
+    /// Bytes of the BVH.
+    pub bvh_bytes: u64,
+    /// Nodes of the BVH.
+    pub bvh_nodes: u64,
+    /// Bytes of the film.
+    pub film_bytes: u64,
+    /// Largest resident size of the process so far, bytes; 0 where the system does not tell.
+    pub peak_bytes: u64,
+    /// Seconds spent on translating the scene.
+    pub translate_seconds: f64,
+    /// Seconds spent on splitting and dicing.
+    pub dice_seconds: f64,
+    /// Seconds spent on building the BVH.
+    pub build_seconds: f64,
+    /// Seconds spent on tracing, shading and filtering.
+    pub trace_seconds: f64,
+    /// Seconds of the commit and the render.
+    pub total_seconds: f64,
+    /// Rays traced.
+    pub rays: u64,
+    /// Nodes opened; one is a test of up to 8 children.
+    pub node_tests: u64,
+    /// Micropolygons tested.
+    pub cell_tests: u64,
+    /// Objects that the last commit diced.
+    pub objects_diced: u64,
+    /// Objects that the last commit kept from before.
+    pub objects_reused: u64,
+}
+
+/// Size and type of an AOV.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct trz_aov_desc {
+    /// sizeof(trz_aov_desc).
+    pub struct_size: u32,
+    /// Pixels.
+    pub width: u32,
+    /// Pixels.
+    pub height: u32,
+    /// Components a pixel; each takes 4 bytes.
+    pub components: u32,
+    /// TRZ_FORMAT_*.
+    pub format: u32,
+}
+
+/// How an image file is written.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct trz_image {
+    /// sizeof(trz_image).
+    pub struct_size: u32,
+    /// TRZ_IMAGE_*.
+    pub r#type: u32,
+    /// TRZ_PIXEL_*, EXR only; ids and depths are always 32 bits.
+    pub pixel_type: u32,
+    /// TRZ_COMPRESSION_*, EXR only.
+    pub compression: u32,
+    /// TRZ_COLOR_*: what the color AOV is encoded to.
+    pub color: u32,
+    /// Names of the AOVs to write.
+    pub aovs: *const *const c_char,
+    /// Number of names; 0: all that were rendered (PNG: color).
+    pub aov_count: usize,
+    /// name, value, name, value...
+    pub metadata: *const *const c_char,
+    /// Length of metadata, even.
+    pub metadata_count: usize,
+}
+
+/// A ray at one instant, world space.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct trz_ray {
+    /// World space.
+    pub origin: [f32; 3],
+    /// World space, of any length but 0.
+    pub dir: [f32; 3],
+    /// In [0, 1] across the shutter; clamped.
+    pub time: f32,
+    /// Hits nearer than this are ignored; in units of dir's length.
+    pub t_min: f32,
+    /// Hits farther than this are ignored; infinity for no limit.
+    pub t_max: f32,
+}
+
+/// The nearest micropolygon along a ray.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct trz_hit {
+    /// Distance in units of the ray's dir; infinity: a miss.
+    pub t: f32,
+    /// Position in the micropolygon, 0 to 1.
+    pub u: f32,
+    /// Position in the micropolygon, 0 to 1.
+    pub v: f32,
+    /// Geometric, world space, unit; zero for a miss.
+    pub normal: [f32; 3],
+    /// As set by trz_prim_set_pick_id; -1 for a miss.
+    pub prim_id: i32,
+    /// -1 for a miss.
+    pub instance_id: i32,
+    /// Authored face, or element of the grid; -1 for a miss.
+    pub element_id: i32,
+    /// Grid of the object.
+    pub grid: u32,
+    /// Cell of the grid: j * nu + i.
+    pub cell: u32,
+}

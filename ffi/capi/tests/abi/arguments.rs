@@ -1,0 +1,189 @@
+//! Arguments that are wrong in other ways than null.
+
+use std::ffi::CStr;
+use std::ptr::{null, null_mut};
+
+use hdtrapeze_capi::*;
+
+use crate::support::*;
+
+#[test]
+fn unknown_and_unfit_ids() {
+    let session = Session::with_camera();
+    let (mesh, camera) = (session.mesh("/mesh"), session.camera("/other"));
+    let lens = camera_default();
+    // SAFETY: pointers to live values.
+    unsafe {
+        let s = session.0;
+        for id in [0, 999, u64::MAX] {
+            fails(trz_prim_remove(s, id), TRZ_ERROR_NOT_FOUND);
+            fails(
+                trz_mesh_set_topology(s, id, &topology()),
+                TRZ_ERROR_NOT_FOUND,
+            );
+            fails(trz_camera_set(s, id, &lens), TRZ_ERROR_NOT_FOUND);
+        }
+        let bad = TRZ_ERROR_INVALID_ARGUMENT;
+        fails(trz_camera_set(s, mesh, &lens), bad);
+        fails(trz_mesh_set_topology(s, camera, &topology()), bad);
+        fails(trz_prim_set_visible(s, camera, 1), bad);
+        let message = fails(trz_session_set_active_camera(s, mesh), bad);
+        assert!(message.contains("/mesh"), "{message}");
+        fails(trz_session_set_active_camera(s, 999), TRZ_ERROR_NOT_FOUND);
+        ok(trz_prim_remove(s, mesh));
+        fails(trz_prim_set_pick_id(s, mesh, 1), TRZ_ERROR_NOT_FOUND);
+        assert_ne!(session.mesh("/mesh"), mesh, "an id came back");
+    }
+}
+
+#[test]
+fn enums_flags_and_strings() {
+    let session = Session::new();
+    let mesh = session.mesh("/mesh");
+    let bad = TRZ_ERROR_INVALID_ARGUMENT;
+    let changes: [fn(&mut trz_topology); 6] = [
+        |t| t.scheme = 4,
+        |t| t.boundary = 3,
+        |t| t.face_varying = 6,
+        |t| t.triangles = 2,
+        |t| t.orientation = u32::MAX,
+        |t| t.struct_size -= 1,
+    ];
+    // SAFETY: pointers to live values.
+    unsafe {
+        let s = session.0;
+        for change in changes {
+            let mut topology = topology();
+            change(&mut topology);
+            fails(trz_mesh_set_topology(s, mesh, &topology), bad);
+        }
+        fails(trz_prim_set_visible(s, mesh, 2), bad);
+        fails(trz_session_set_log(s, None, null_mut(), 4), bad);
+        fails(trz_render_wait(s, f64::NAN, &mut 0), bad);
+        let not_utf8 = c"\xff\xfe";
+        fails(trz_mesh_create(s, not_utf8.as_ptr(), &mut 0), bad);
+        fails(
+            trz_session_set_aovs(s, [not_utf8.as_ptr()].as_ptr(), 1),
+            bad,
+        );
+        fails(trz_prim_set_primvar(s, mesh, c"".as_ptr(), null()), bad);
+        let mut camera = camera_default();
+        camera.projection = 2;
+        let id = session.camera("/camera");
+        fails(trz_camera_set(s, id, &camera), bad);
+        camera.struct_size = 0;
+        let message = fails(trz_camera_default(&mut camera), bad);
+        assert!(message.contains("sizeof(trz_camera)"), "{message}");
+        let mut gpu = settings_default();
+        gpu.backend = TRZ_BACKEND_GPU;
+        fails(trz_session_set_settings(s, &gpu), TRZ_ERROR_UNSUPPORTED);
+        gpu.backend = TRZ_BACKEND_AUTO;
+        ok(trz_session_set_settings(s, &gpu));
+        assert_eq!(last_error(), "", "success clears the message");
+    }
+}
+
+#[test]
+fn counts_that_cannot_be() {
+    let session = Session::new();
+    let (mesh, grids) = (session.mesh("/mesh"), session.grids("/grids"));
+    let bad = TRZ_ERROR_INVALID_ARGUMENT;
+    let huge = usize::MAX;
+    // SAFETY: pointers to live values; counts that exceed them are refused before they are read.
+    unsafe {
+        let s = session.0;
+        let mut topology = topology();
+        topology.face_vertex_counts = &4;
+        topology.face_count = huge;
+        fails(trz_mesh_set_topology(s, mesh, &topology), bad);
+        let points = trz_points {
+            struct_size: size_of::<trz_points>() as u32,
+            times: &0.0,
+            sample_count: 1,
+            points: &[0.0f32; 3].as_ptr(),
+            counts: &(huge / 2),
+        };
+        fails(trz_mesh_set_points(s, mesh, &points), bad);
+        let mut primvar = trz_primvar {
+            struct_size: size_of::<trz_primvar>() as u32,
+            interpolation: TRZ_INTERPOLATION_CONSTANT,
+            width: 16,
+            values: [0.0f32; 3].as_ptr(),
+            value_count: huge / 8,
+            indices: null(),
+            index_count: 0,
+        };
+        let name = c"a".as_ptr();
+        fails(trz_prim_set_primvar(s, mesh, name, &primvar), bad);
+        primvar.value_count = 0;
+        for width in [0, 17, u32::MAX] {
+            primvar.width = width;
+            fails(trz_prim_set_primvar(s, mesh, name, &primvar), bad);
+        }
+        let instances = trz_instances {
+            struct_size: size_of::<trz_instances>() as u32,
+            times: &0.0,
+            sample_count: 1,
+            matrices: IDENTITY.as_ptr(),
+            instance_count: huge / 16,
+            ids: null(),
+        };
+        fails(trz_prim_set_instances(s, mesh, &instances), bad);
+        let level = trz_transform_samples {
+            times: &0.0,
+            matrices: IDENTITY.as_ptr(),
+            count: 0,
+        };
+        fails(trz_prim_set_transform(s, mesh, &level, 1), bad);
+        let square = [0.0f32; 12];
+        let mut one = trz_grids {
+            struct_size: size_of::<trz_grids>() as u32,
+            times: &0.0,
+            key_count: 1,
+            rates: [1u16, 1].as_ptr(),
+            elements: null(),
+            grid_count: 1,
+            positions: square.as_ptr(),
+            position_count: 3,
+        };
+        let message = fails(trz_grids_set(s, grids, &one), bad);
+        assert!(message.contains("add up to 4"), "{message}");
+        one.position_count = 4;
+        ok(trz_grids_set(s, grids, &one));
+        one.rates = [17u16, 1].as_ptr();
+        fails(trz_grids_set(s, grids, &one), bad);
+        one.rates = [0u16, 1].as_ptr();
+        fails(trz_grids_set(s, grids, &one), bad);
+    }
+}
+
+#[test]
+fn names_of_results_and_versions() {
+    let header = include_str!("../../include/hdtrapeze.h");
+    for line in header.lines() {
+        let mut words = line
+            .split_whitespace()
+            .skip_while(|w| *w != "#define")
+            .skip(1);
+        let (Some(name), Some(Ok(value))) =
+            (words.next(), words.next().map(str::parse::<trz_result>))
+        else {
+            continue;
+        };
+        if name == "TRZ_OK" || name.starts_with("TRZ_ERROR_") {
+            // SAFETY: a string that lives for ever.
+            let found = unsafe { CStr::from_ptr(trz_result_name(value)) };
+            assert_eq!(found.to_str().unwrap(), name);
+        }
+    }
+    // SAFETY: as above.
+    let (unknown, version) = unsafe {
+        (
+            CStr::from_ptr(trz_result_name(-5)),
+            CStr::from_ptr(trz_version()),
+        )
+    };
+    assert_eq!(unknown, c"unknown");
+    assert_eq!(version.to_str().unwrap(), env!("CARGO_PKG_VERSION"));
+    assert_eq!(trz_abi_version(), TRZ_ABI_VERSION);
+}

@@ -1,0 +1,11 @@
+//! The C ABI as a caller sees it: null and bad arguments, threads, cancelling, messages, panics.
+
+#![allow(unsafe_code)]
+
+mod arguments;
+mod lifecycle;
+mod messages;
+mod nulls;
+mod panics;
+mod support;
+mod threads;

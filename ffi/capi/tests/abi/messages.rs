@@ -1,0 +1,158 @@
+//! The log callback.
+
+use std::ffi::{CStr, c_char, c_void};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicI32, AtomicUsize, Ordering};
+
+use hdtrapeze_capi::*;
+
+use crate::support::*;
+
+#[derive(Default)]
+struct Received(Mutex<Vec<(u32, String, String, String)>>);
+
+impl Received {
+    fn user(&self) -> *mut c_void {
+        (&raw const *self).cast_mut().cast()
+    }
+
+    fn take(&self) -> Vec<(u32, String, String, String)> {
+        std::mem::take(&mut *self.0.lock().unwrap())
+    }
+}
+
+unsafe extern "C" fn receive(
+    user: *mut c_void,
+    level: u32,
+    path: *const c_char,
+    code: *const c_char,
+    text: *const c_char,
+) {
+    // SAFETY: `user` is the `Received` of the test, the strings are valid during the call.
+    unsafe {
+        let string = |at| CStr::from_ptr(at).to_str().unwrap().to_owned();
+        let message = (level, string(path), string(code), string(text));
+        (*user.cast::<Received>()).0.lock().unwrap().push(message);
+    }
+}
+
+fn listen(session: &Session, received: &Received, level: u32) {
+    // SAFETY: `received` outlives the session's use of it in these tests.
+    ok(unsafe { trz_session_set_log(session.0, Some(receive), received.user(), level) });
+}
+
+fn silence(session: &Session) {
+    // SAFETY: no callback.
+    ok(unsafe { trz_session_set_log(session.0, None, std::ptr::null_mut(), 0) });
+}
+
+/// Crease lists that contradict each other: dropped with a warning.
+fn bad_creases(session: &Session, id: trz_id) {
+    let (points, length, sharpness) = ([0, 1], 3, 1.0);
+    let mut topology = topology();
+    topology.crease_indices = points.as_ptr();
+    topology.crease_index_count = 2;
+    topology.crease_lengths = &length;
+    topology.crease_count = 1;
+    topology.crease_sharpnesses = &sharpness;
+    topology.crease_sharpness_count = 1;
+    // SAFETY: pointers to live values.
+    ok(unsafe { trz_mesh_set_topology(session.0, id, &topology) });
+}
+
+#[test]
+fn a_warning_names_the_prim_and_comes_once() {
+    let (first, second) = (Session::new(), Session::new());
+    let (to_first, to_second) = (Received::default(), Received::default());
+    listen(&first, &to_first, TRZ_LOG_WARN);
+    listen(&second, &to_second, TRZ_LOG_WARN);
+    let mesh = first.mesh("/a/mesh");
+    bad_creases(&first, mesh);
+    bad_creases(&first, mesh);
+    let messages = to_first.take();
+    assert_eq!(messages.len(), 1, "{messages:?}");
+    let (level, path, code, text) = &messages[0];
+    assert_eq!((*level, path.as_str()), (TRZ_LOG_WARN, "/a/mesh"));
+    assert_eq!(code, "topology");
+    assert!(text.contains("crease"), "{text}");
+    assert!(to_second.take().is_empty(), "sessions mix");
+
+    listen(&first, &to_first, TRZ_LOG_ERROR);
+    bad_creases(&first, first.mesh("/other"));
+    assert!(to_first.take().is_empty(), "below the level");
+    silence(&first);
+    bad_creases(&first, first.mesh("/third"));
+    assert!(to_first.take().is_empty(), "after the end");
+    silence(&second);
+}
+
+#[test]
+fn warnings_of_a_commit_arrive_before_it_returns() {
+    let session = Session::with_camera();
+    let received = Received::default();
+    listen(&session, &received, TRZ_LOG_WARN);
+    // Loop subdivision takes triangles only.
+    let square = session.square("/loop", 0.0);
+    session.set_square_topology(square, TRZ_SCHEME_LOOP);
+    ok(session.commit());
+    let messages = received.take();
+    assert_eq!(messages.len(), 1, "{messages:?}");
+    assert_eq!(messages[0].1, "/loop");
+    session.set_samples(1);
+    ok(session.commit());
+    assert!(received.take().is_empty(), "told twice");
+    silence(&session);
+}
+
+/// What a callback that calls its own session sees.
+struct Nosy {
+    session: *mut trz_session,
+    calls: AtomicUsize,
+    results: [AtomicI32; 5],
+}
+
+unsafe extern "C" fn call_back(
+    user: *mut c_void,
+    _: u32,
+    _: *const c_char,
+    _: *const c_char,
+    _: *const c_char,
+) {
+    // SAFETY: `user` is the `Nosy` of the test, and its session is alive.
+    unsafe {
+        let nosy = &*user.cast::<Nosy>();
+        let s = nosy.session;
+        nosy.calls.fetch_add(1, Ordering::Relaxed);
+        let results = [
+            trz_session_commit(s),
+            trz_render_start(s),
+            trz_render_wait(s, -1.0, &mut 0),
+            trz_render_cancel(s),
+            trz_session_set_log(s, None, std::ptr::null_mut(), 0),
+        ];
+        for (place, result) in nosy.results.iter().zip(results) {
+            place.store(result, Ordering::Relaxed);
+        }
+        trz_session_destroy(s);
+    }
+}
+
+#[test]
+fn calls_from_inside_the_callback_do_not_hang() {
+    let session = Session::with_camera();
+    let nosy = Nosy {
+        session: session.0,
+        calls: AtomicUsize::new(0),
+        results: Default::default(),
+    };
+    let user = (&raw const nosy).cast_mut().cast();
+    // SAFETY: `nosy` outlives the callback.
+    ok(unsafe { trz_session_set_log(session.0, Some(call_back), user, TRZ_LOG_WARN) });
+    bad_creases(&session, session.mesh("/mesh"));
+    assert_eq!(nosy.calls.load(Ordering::Relaxed), 1);
+    for result in &nosy.results {
+        assert_eq!(result.load(Ordering::Relaxed), TRZ_ERROR_BUSY);
+    }
+    silence(&session);
+    ok(session.commit());
+}

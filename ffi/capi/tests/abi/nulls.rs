@@ -1,0 +1,248 @@
+//! Every function gets null where it must not be.
+
+use std::ptr::{null, null_mut};
+
+use hdtrapeze_capi::*;
+
+use crate::support::*;
+
+/// Calls each expression, which must return TRZ_ERROR_NULL_POINTER; returns the functions' names.
+macro_rules! null_pointer {
+    ($($function:ident($($argument:expr),* $(,)?);)*) => {{
+        $(
+            // SAFETY: arguments are null, or pointers to live values.
+            let result = unsafe { $function($($argument),*) };
+            assert_eq!(result, TRZ_ERROR_NULL_POINTER, stringify!($function($($argument),*)));
+            assert!(last_error().contains("is null"), stringify!($function($($argument),*)));
+        )*
+        vec![$(stringify!($function)),*]
+    }};
+}
+
+#[test]
+fn null_session() {
+    let s = null_mut();
+    let (camera, settings) = (camera_default(), settings_default());
+    let checked = null_pointer! {
+        trz_session_set_log(s, None, null_mut(), 0);
+        trz_mesh_create(s, c"/a".as_ptr(), &mut 0);
+        trz_mesh_set_topology(s, 1, &topology());
+        trz_mesh_set_points(s, 1, null());
+        trz_grids_create(s, c"/a".as_ptr(), &mut 0);
+        trz_grids_set(s, 1, null());
+        trz_camera_create(s, c"/a".as_ptr(), &mut 0);
+        trz_camera_set(s, 1, &camera);
+        trz_prim_set_transform(s, 1, null(), 0);
+        trz_prim_set_primvar(s, 1, c"a".as_ptr(), null());
+        trz_prim_set_instances(s, 1, null());
+        trz_prim_set_visible(s, 1, 1);
+        trz_prim_set_pick_id(s, 1, 1);
+        trz_prim_remove(s, 1);
+        trz_session_set_active_camera(s, 0);
+        trz_session_set_settings(s, &settings);
+        trz_session_set_aovs(s, null(), 0);
+        trz_session_commit(s);
+        trz_render_start(s);
+        trz_render_wait(s, 0.0, &mut 0);
+        trz_render_cancel(s);
+        trz_render_progress(s, null_mut());
+        trz_statistics_get(s, null_mut());
+        trz_explain(s, null_mut(), 0, &mut 0);
+        trz_aov_describe(s, c"color".as_ptr(), null_mut());
+        trz_aov_read(s, c"color".as_ptr(), null_mut(), 0);
+        trz_image_write(s, c"/tmp/a".as_ptr(), null());
+        trz_trace_rays(s, null(), null_mut(), 0);
+    };
+    // SAFETY: null is ignored.
+    unsafe { trz_session_destroy(null_mut()) };
+
+    let header = include_str!("../../include/hdtrapeze.h");
+    let takes_session = header
+        .split("trz_result trz_")
+        .skip(1)
+        .filter_map(|text| text.split_once('('))
+        .filter(|(_, arguments)| arguments.starts_with("struct trz_session *session"));
+    for (name, _) in takes_session {
+        let name = format!("trz_{name}");
+        assert!(checked.contains(&name.as_str()), "{name} is not checked");
+    }
+}
+
+#[test]
+fn null_arguments() {
+    let session = Session::with_camera();
+    let s = session.0;
+    let (mesh, grids, camera) = (
+        session.mesh("/mesh"),
+        session.grids("/grids"),
+        session.camera("/other"),
+    );
+    let name = c"a".as_ptr();
+    let no_name = [null()];
+    let mut bad_topology = topology();
+    bad_topology.face_count = 1;
+    let size = |bytes: usize| bytes as u32;
+    let points = trz_points {
+        struct_size: size(size_of::<trz_points>()),
+        times: &0.0,
+        sample_count: 1,
+        points: &null(),
+        counts: &1,
+    };
+    let no_counts = trz_points {
+        counts: null(),
+        ..points
+    };
+    let grid = trz_grids {
+        struct_size: size(size_of::<trz_grids>()),
+        times: &0.0,
+        key_count: 1,
+        rates: null(),
+        elements: null(),
+        grid_count: 1,
+        positions: null(),
+        position_count: 4,
+    };
+    let primvar = trz_primvar {
+        struct_size: size(size_of::<trz_primvar>()),
+        interpolation: TRZ_INTERPOLATION_CONSTANT,
+        width: 3,
+        values: null(),
+        value_count: 1,
+        indices: null(),
+        index_count: 0,
+    };
+    let instances = trz_instances {
+        struct_size: size(size_of::<trz_instances>()),
+        times: &0.0,
+        sample_count: 1,
+        matrices: null(),
+        instance_count: 1,
+        ids: null(),
+    };
+    let level = trz_transform_samples {
+        times: null(),
+        matrices: IDENTITY.as_ptr(),
+        count: 1,
+    };
+    let image = trz_image {
+        struct_size: size(size_of::<trz_image>()),
+        r#type: TRZ_IMAGE_EXR,
+        pixel_type: TRZ_PIXEL_HALF,
+        compression: TRZ_COMPRESSION_ZIP,
+        color: TRZ_COLOR_LINEAR,
+        aovs: null(),
+        aov_count: 1,
+        metadata: null(),
+        metadata_count: 0,
+    };
+    let no_metadata = trz_image {
+        aov_count: 0,
+        metadata_count: 2,
+        ..image
+    };
+    let ray = trz_ray {
+        origin: [0.0; 3],
+        dir: [0.0, 0.0, 1.0],
+        time: 0.0,
+        t_min: 0.0,
+        t_max: 1.0,
+    };
+    session.square("/square", 0.0);
+    ok(session.start());
+    assert!(session.wait(-1.0));
+    null_pointer! {
+        trz_session_create(null_mut());
+        trz_camera_default(null_mut());
+        trz_settings_default(null_mut());
+        trz_mesh_create(s, null(), &mut 0);
+        trz_mesh_create(s, name, null_mut());
+        trz_grids_create(s, null(), &mut 0);
+        trz_grids_create(s, name, null_mut());
+        trz_camera_create(s, null(), &mut 0);
+        trz_camera_create(s, name, null_mut());
+        trz_mesh_set_topology(s, mesh, null());
+        trz_mesh_set_topology(s, mesh, &bad_topology);
+        trz_mesh_set_points(s, mesh, null());
+        trz_mesh_set_points(s, mesh, &points);
+        trz_mesh_set_points(s, mesh, &no_counts);
+        trz_grids_set(s, grids, null());
+        trz_grids_set(s, grids, &grid);
+        trz_camera_set(s, camera, null());
+        trz_prim_set_transform(s, mesh, null(), 1);
+        trz_prim_set_transform(s, mesh, &level, 1);
+        trz_prim_set_primvar(s, mesh, null(), null());
+        trz_prim_set_primvar(s, mesh, name, &primvar);
+        trz_prim_set_instances(s, mesh, &instances);
+        trz_session_set_settings(s, null());
+        trz_session_set_aovs(s, null(), 1);
+        trz_session_set_aovs(s, no_name.as_ptr(), 1);
+        trz_render_wait(s, 0.0, null_mut());
+        trz_render_progress(s, null_mut());
+        trz_statistics_get(s, null_mut());
+        trz_explain(s, null_mut(), 0, null_mut());
+        trz_explain(s, null_mut(), 9, &mut 0);
+        trz_aov_describe(s, null(), null_mut());
+        trz_aov_describe(s, c"color".as_ptr(), null_mut());
+        trz_aov_read(s, null(), null_mut(), 0);
+        trz_aov_read(s, c"color".as_ptr(), null_mut(), 0);
+        trz_image_write(s, null(), &image);
+        trz_image_write(s, name, null());
+        trz_image_write(s, name, &image);
+        trz_image_write(s, name, &no_metadata);
+        trz_trace_rays(s, null(), null_mut(), 1);
+        trz_trace_rays(s, &ray, null_mut(), 1);
+    };
+    // Nothing of it has reached the scene or done harm.
+    ok(session.commit());
+}
+
+#[test]
+fn empty_arrays_need_no_pointer() {
+    let session = Session::with_camera();
+    let mesh = session.mesh("/empty");
+    let grids = session.grids("/no grids");
+    let empty_points = trz_points {
+        struct_size: size_of::<trz_points>() as u32,
+        times: null(),
+        sample_count: 0,
+        points: null(),
+        counts: null(),
+    };
+    let empty_grids = trz_grids {
+        struct_size: size_of::<trz_grids>() as u32,
+        times: null(),
+        key_count: 0,
+        rates: null(),
+        elements: null(),
+        grid_count: 0,
+        positions: null(),
+        position_count: 0,
+    };
+    let no_instances = trz_instances {
+        struct_size: size_of::<trz_instances>() as u32,
+        times: null(),
+        sample_count: 0,
+        matrices: null(),
+        instance_count: 0,
+        ids: null(),
+    };
+    // SAFETY: pointers to live values.
+    unsafe {
+        ok(trz_mesh_set_topology(session.0, mesh, &topology()));
+        ok(trz_mesh_set_points(session.0, mesh, &empty_points));
+        ok(trz_grids_set(session.0, grids, &empty_grids));
+        ok(trz_prim_set_instances(session.0, mesh, &no_instances));
+        ok(trz_prim_set_instances(session.0, mesh, null()));
+        ok(trz_prim_set_transform(session.0, mesh, null(), 0));
+        ok(trz_prim_set_primvar(
+            session.0,
+            mesh,
+            c"absent".as_ptr(),
+            null(),
+        ));
+        ok(trz_session_set_aovs(session.0, null(), 0));
+        ok(session.commit());
+        ok(trz_trace_rays(session.0, null(), null_mut(), 0));
+    }
+}

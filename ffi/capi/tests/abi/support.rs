@@ -1,0 +1,258 @@
+//! Sessions and small scenes for the tests.
+
+use std::ffi::{CStr, CString};
+use std::ptr::null;
+
+use hdtrapeze_capi::*;
+
+/// A session that is destroyed at the end of its test.
+pub struct Session(pub *mut trz_session);
+
+// SAFETY: the ABI promises that a session can be used from any thread.
+unsafe impl Send for Session {}
+// SAFETY: as above, from several at once.
+unsafe impl Sync for Session {}
+
+impl Drop for Session {
+    fn drop(&mut self) {
+        // SAFETY: a session of trz_session_create, destroyed once.
+        unsafe { trz_session_destroy(self.0) }
+    }
+}
+
+impl Session {
+    pub fn new() -> Self {
+        let mut session = std::ptr::null_mut();
+        // SAFETY: a valid place.
+        ok(unsafe { trz_session_create(&mut session) });
+        Session(session)
+    }
+
+    /// A session with a camera at (0, 0, 10) that sees a square of 4 x 4 around the origin, and
+    /// small settings.
+    pub fn with_camera() -> Self {
+        let session = Session::new();
+        let camera = session.camera("/camera");
+        let mut lens = camera_default();
+        lens.projection = TRZ_PROJECTION_ORTHOGRAPHIC;
+        lens.horizontal_aperture = 4.0;
+        lens.vertical_aperture = 4.0;
+        let mut matrix = IDENTITY;
+        matrix[14] = 10.0;
+        let level = trz_transform_samples {
+            times: &0.0,
+            matrices: matrix.as_ptr(),
+            count: 1,
+        };
+        let settings = small_settings(4);
+        // SAFETY: pointers to live values.
+        unsafe {
+            ok(trz_camera_set(session.0, camera, &lens));
+            ok(trz_prim_set_transform(session.0, camera, &level, 1));
+            ok(trz_session_set_active_camera(session.0, camera));
+            ok(trz_session_set_settings(session.0, &settings));
+        }
+        session
+    }
+
+    pub fn mesh(&self, path: &str) -> trz_id {
+        let (path, mut id) = (CString::new(path).unwrap(), 0);
+        // SAFETY: pointers to live values.
+        ok(unsafe { trz_mesh_create(self.0, path.as_ptr(), &mut id) });
+        id
+    }
+
+    pub fn grids(&self, path: &str) -> trz_id {
+        let (path, mut id) = (CString::new(path).unwrap(), 0);
+        // SAFETY: pointers to live values.
+        ok(unsafe { trz_grids_create(self.0, path.as_ptr(), &mut id) });
+        id
+    }
+
+    pub fn camera(&self, path: &str) -> trz_id {
+        let (path, mut id) = (CString::new(path).unwrap(), 0);
+        // SAFETY: pointers to live values.
+        ok(unsafe { trz_camera_create(self.0, path.as_ptr(), &mut id) });
+        id
+    }
+
+    /// A bilinear unit square in the plane z = 0, at `offset` in x.
+    pub fn square(&self, path: &str, offset: f32) -> trz_id {
+        let id = self.mesh(path);
+        self.set_square_topology(id, TRZ_SCHEME_BILINEAR);
+        self.set_square_points(id, offset);
+        id
+    }
+
+    pub fn set_square_topology(&self, id: trz_id, scheme: u32) {
+        let mut topology = topology();
+        topology.scheme = scheme;
+        topology.face_vertex_counts = &4;
+        topology.face_count = 1;
+        let indices = [0, 1, 2, 3];
+        topology.face_vertex_indices = indices.as_ptr();
+        topology.index_count = 4;
+        // SAFETY: pointers to live values.
+        ok(unsafe { trz_mesh_set_topology(self.0, id, &topology) });
+    }
+
+    pub fn set_square_points(&self, id: trz_id, x: f32) {
+        let floats = [
+            x,
+            0.0,
+            0.0,
+            x + 1.0,
+            0.0,
+            0.0,
+            x + 1.0,
+            1.0,
+            0.0,
+            x,
+            1.0,
+            0.0,
+        ];
+        let points = trz_points {
+            struct_size: size_of::<trz_points>() as u32,
+            times: &0.0,
+            sample_count: 1,
+            points: &floats.as_ptr(),
+            counts: &4,
+        };
+        // SAFETY: pointers to live values.
+        ok(unsafe { trz_mesh_set_points(self.0, id, &points) });
+    }
+
+    pub fn set_samples(&self, samples: u32) {
+        let settings = small_settings(samples);
+        // SAFETY: pointers to live values.
+        ok(unsafe { trz_session_set_settings(self.0, &settings) });
+    }
+
+    pub fn commit(&self) -> trz_result {
+        // SAFETY: a live session.
+        unsafe { trz_session_commit(self.0) }
+    }
+
+    pub fn start(&self) -> trz_result {
+        // SAFETY: a live session.
+        unsafe { trz_render_start(self.0) }
+    }
+
+    pub fn cancel(&self) -> trz_result {
+        // SAFETY: a live session.
+        unsafe { trz_render_cancel(self.0) }
+    }
+
+    /// True where nothing runs any more.
+    pub fn wait(&self, seconds: f64) -> bool {
+        let mut finished = 7;
+        // SAFETY: pointers to live values.
+        ok(unsafe { trz_render_wait(self.0, seconds, &mut finished) });
+        finished == 1
+    }
+
+    pub fn progress(&self) -> trz_progress {
+        let mut progress = trz_progress {
+            struct_size: size_of::<trz_progress>() as u32,
+            state: 99,
+            fraction: -1.0,
+            samples_done: 0,
+            samples_total: 0,
+            seconds: 0.0,
+            seconds_left: 0.0,
+        };
+        // SAFETY: pointers to live values.
+        ok(unsafe { trz_render_progress(self.0, &mut progress) });
+        progress
+    }
+
+    pub fn statistics(&self) -> trz_statistics {
+        // SAFETY: all zero bytes are a valid value of this struct of numbers.
+        let mut statistics: trz_statistics = unsafe { std::mem::zeroed() };
+        statistics.struct_size = size_of::<trz_statistics>() as u32;
+        // SAFETY: pointers to live values.
+        ok(unsafe { trz_statistics_get(self.0, &mut statistics) });
+        statistics
+    }
+}
+
+pub const IDENTITY: [f64; 16] = [
+    1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0,
+];
+
+pub fn topology() -> trz_topology {
+    trz_topology {
+        struct_size: size_of::<trz_topology>() as u32,
+        scheme: TRZ_SCHEME_CATMULL_CLARK,
+        boundary: TRZ_BOUNDARY_EDGE_AND_CORNER,
+        face_varying: TRZ_FVAR_CORNERS_PLUS1,
+        triangles: TRZ_TRIANGLES_CATMULL_CLARK,
+        orientation: TRZ_ORIENTATION_RIGHT_HANDED,
+        face_vertex_counts: null(),
+        face_count: 0,
+        face_vertex_indices: null(),
+        index_count: 0,
+        holes: null(),
+        hole_count: 0,
+        crease_indices: null(),
+        crease_index_count: 0,
+        crease_lengths: null(),
+        crease_count: 0,
+        crease_sharpnesses: null(),
+        crease_sharpness_count: 0,
+        corner_indices: null(),
+        corner_count: 0,
+        corner_sharpnesses: null(),
+        corner_sharpness_count: 0,
+    }
+}
+
+pub fn camera_default() -> trz_camera {
+    // SAFETY: all zero bytes are a valid value of this struct of numbers.
+    let mut camera: trz_camera = unsafe { std::mem::zeroed() };
+    camera.struct_size = size_of::<trz_camera>() as u32;
+    // SAFETY: pointers to live values.
+    ok(unsafe { trz_camera_default(&mut camera) });
+    camera
+}
+
+pub fn settings_default() -> trz_settings {
+    // SAFETY: all zero bytes are a valid value of this struct of numbers.
+    let mut settings: trz_settings = unsafe { std::mem::zeroed() };
+    settings.struct_size = size_of::<trz_settings>() as u32;
+    // SAFETY: pointers to live values.
+    ok(unsafe { trz_settings_default(&mut settings) });
+    settings
+}
+
+pub fn small_settings(samples: u32) -> trz_settings {
+    trz_settings {
+        width: 32,
+        height: 32,
+        samples,
+        threads: 2,
+        ..settings_default()
+    }
+}
+
+pub fn last_error() -> String {
+    // SAFETY: a string that is valid until the next call on this thread.
+    unsafe { CStr::from_ptr(trz_last_error()) }
+        .to_str()
+        .expect("messages are UTF-8")
+        .to_owned()
+}
+
+#[track_caller]
+pub fn ok(result: trz_result) {
+    assert_eq!(result, TRZ_OK, "{}", last_error());
+}
+
+/// The call must fail with this code and a message.
+#[track_caller]
+pub fn fails(result: trz_result, code: trz_result) -> String {
+    let message = last_error();
+    assert_eq!(result, code, "{message}");
+    assert!(!message.is_empty(), "no message");
+    message
+}
