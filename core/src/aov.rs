@@ -84,6 +84,14 @@ impl Aov {
         }
     }
 
+    /// True for i32 values, false for f32.
+    pub fn is_integer(self) -> bool {
+        matches!(
+            self,
+            Aov::PrimId | Aov::InstanceId | Aov::ElementId | Aov::SampleCount
+        )
+    }
+
     /// True for AOVs taken from one sample a pixel.
     pub fn is_point_sampled(self) -> bool {
         matches!(

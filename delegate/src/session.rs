@@ -243,7 +243,9 @@ impl Session {
     /// Writes AOVs of the last render to a file.
     pub fn write_image(&self, path: &Path, options: &ImageOptions) -> Result<(), Error> {
         let _ = (path, options, self.rendered()?);
-        Err(Error::Unsupported("no images yet".to_owned()))
+        Err(Error::Unsupported(
+            "this version writes no image files yet; read the AOVs".to_owned(),
+        ))
     }
 
     fn rendered_aov(&self, name: &str) -> Result<(Rendered, Aov), Error> {
@@ -276,6 +278,11 @@ impl Session {
     }
 
     fn warn(&self, warnings: &[Warning]) {
+        // A log function that edits is told nothing of it, and a dispatcher that is at work cannot
+        // be replaced.
+        if warnings.is_empty() || in_log_callback() {
+            return;
+        }
         let shared = &self.shared;
         with_default(&shared.dispatch, || {
             warnings.iter().for_each(|w| shared.log.warn_once(w));

@@ -146,16 +146,12 @@ impl Frame {
         let [width, height] = self.resolution;
         let components = aov.components();
         let length = width as usize * height as usize * components;
-        let integer = matches!(
-            aov,
-            Aov::PrimId | Aov::InstanceId | Aov::ElementId | Aov::SampleCount
-        );
         let pixels = |tile: &Tile| {
             let (x, y, w) = (tile.x as usize, tile.y as usize, tile.width as usize);
             let count = w * tile.height as usize;
             (0..count).map(move |i| (i, (y + i / w) * width as usize + x + i % w))
         };
-        let data = if integer {
+        let data = if aov.is_integer() {
             let background = if aov == Aov::SampleCount { 0 } else { -1 };
             let mut data = vec![background; length];
             for tile in &self.tiles {

@@ -18,7 +18,7 @@ use hdtrapeze_delegate::{AovShape, AuthoredTopology, Progress, State, Statistics
 
 use crate::constants::*;
 use crate::fault::Fault;
-use crate::input::{check_slice, copied, flag, slice, text, texts, times};
+use crate::input::{check_slice, copied, flag, slice, texts, times};
 use crate::types::*;
 
 /// Largest width and height of an image, pixels.
@@ -430,7 +430,8 @@ fn lens_point(from: &trz_settings) -> Result<Option<[f32; 2]>, Fault> {
     }
     let [x, y] = from.lens_point;
     // A point computed on the rim may be beyond it by rounding: two squares and a sum, 3 half ULPs.
-    if !(x * x + y * y <= 1.0 + 2.0 * f32::EPSILON) {
+    let squared = x * x + y * y;
+    if squared.is_nan() || squared > 1.0 + 2.0 * f32::EPSILON {
         return Err(Fault::invalid(format!(
             "lens_point ({x}, {y}) is outside the unit disk"
         )));

@@ -3,7 +3,7 @@
 use std::ffi::CStr;
 use std::ptr::{null, null_mut};
 
-use hdtrapeze_capi::*;
+use hdtrapeze::*;
 
 use crate::support::*;
 

@@ -4,7 +4,7 @@ use std::ffi::{CString, c_char};
 use std::ptr::null_mut;
 use std::time::{Duration, Instant};
 
-use hdtrapeze_capi::*;
+use hdtrapeze::*;
 
 use crate::support::*;
 

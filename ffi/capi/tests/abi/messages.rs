@@ -4,7 +4,7 @@ use std::ffi::{CStr, c_char, c_void};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicI32, AtomicUsize, Ordering};
 
-use hdtrapeze_capi::*;
+use hdtrapeze::*;
 
 use crate::support::*;
 
@@ -48,6 +48,12 @@ fn silence(session: &Session) {
 
 /// Crease lists that contradict each other: dropped with a warning.
 fn bad_creases(session: &Session, id: trz_id) {
+    // SAFETY: a live session.
+    ok(unsafe { set_bad_creases(session.0, id) });
+}
+
+/// Safety: a live session.
+unsafe fn set_bad_creases(session: *mut trz_session, id: trz_id) -> trz_result {
     let (points, length, sharpness) = ([0, 1], 3, 1.0);
     let mut topology = topology();
     topology.crease_indices = points.as_ptr();
@@ -57,7 +63,7 @@ fn bad_creases(session: &Session, id: trz_id) {
     topology.crease_sharpnesses = &sharpness;
     topology.crease_sharpness_count = 1;
     // SAFETY: pointers to live values.
-    ok(unsafe { trz_mesh_set_topology(session.0, id, &topology) });
+    unsafe { trz_mesh_set_topology(session, id, &topology) }
 }
 
 #[test]
@@ -108,7 +114,9 @@ fn warnings_of_a_commit_arrive_before_it_returns() {
 struct Nosy {
     session: *mut trz_session,
     calls: AtomicUsize,
+    mesh: trz_id,
     results: [AtomicI32; 5],
+    edit: AtomicI32,
 }
 
 unsafe extern "C" fn call_back(
@@ -133,6 +141,9 @@ unsafe extern "C" fn call_back(
         for (place, result) in nosy.results.iter().zip(results) {
             place.store(result, Ordering::Relaxed);
         }
+        // An edit does not wait, also where it would warn.
+        let edit = set_bad_creases(s, nosy.mesh);
+        nosy.edit.store(edit, Ordering::Relaxed);
         trz_session_destroy(s);
     }
 }
@@ -142,6 +153,8 @@ fn calls_from_inside_the_callback_do_not_hang() {
     let session = Session::with_camera();
     let nosy = Nosy {
         session: session.0,
+        mesh: session.mesh("/other"),
+        edit: AtomicI32::new(-1),
         calls: AtomicUsize::new(0),
         results: Default::default(),
     };
@@ -153,6 +166,7 @@ fn calls_from_inside_the_callback_do_not_hang() {
     for result in &nosy.results {
         assert_eq!(result.load(Ordering::Relaxed), TRZ_ERROR_BUSY);
     }
+    assert_eq!(nosy.edit.load(Ordering::Relaxed), TRZ_OK);
     silence(&session);
     ok(session.commit());
 }

@@ -2,7 +2,7 @@
 
 use std::ptr::{null, null_mut};
 
-use hdtrapeze_capi::*;
+use hdtrapeze::*;
 
 use crate::support::*;
 

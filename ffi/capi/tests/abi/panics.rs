@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use hdtrapeze_capi::*;
+use hdtrapeze::*;
 use hdtrapeze_core::surface::{
     Channel, LimitSurface, MeshTopology, SubdivisionFactory, SurfaceError,
 };

@@ -3,7 +3,7 @@
 use std::ffi::{CStr, CString};
 use std::ptr::null;
 
-use hdtrapeze_capi::*;
+use hdtrapeze::*;
 
 /// A session that is destroyed at the end of its test.
 pub struct Session(pub *mut trz_session);

@@ -1,6 +1,6 @@
 //! Many threads on one session, as Hydra syncs.
 
-use hdtrapeze_capi::*;
+use hdtrapeze::*;
 
 use crate::support::*;
 
