@@ -1,56 +1,220 @@
-//! How the session writes image files.
+//! Image files of a render: AOVs to layers, what was rendered to metadata.
+
+use std::path::Path;
+
+use hdtrapeze_core::aov::{Aov, AovData, AovImage};
+use hdtrapeze_core::scene::{CameraDesc, RenderSettings};
+
+use crate::error::Error;
+use crate::image::{
+    ChannelData, ExrOptions, Image, ImageError, Layer, PngColor, PngOptions, write_exr, write_png,
+};
 
 /// Kind of file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FileType {
     /// OpenEXR, a layer an AOV.
-    Exr,
+    Exr(ExrOptions),
     /// PNG, 8 bits, one AOV.
     Png,
 }
-/// Type of EXR's pixels; ids and depths are always 32 bits.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum PixelType {
-    /// 16-bit float.
-    Half,
-    /// 32-bit float.
-    Float,
-}
-/// Compression of EXR.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Compression {
-    /// None.
-    None,
-    /// Run lengths.
-    Rle,
-    /// One line a block.
-    Zips,
-    /// 16 lines a block.
-    Zip,
-    /// Wavelets.
-    Piz,
-}
-/// Encoding of the color AOV.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ColorSpace {
-    /// As rendered.
-    Linear,
-    /// sRGB transfer function.
-    Srgb,
-}
-/// What to write.
-#[derive(Clone, Debug, PartialEq)]
+
+/// How an image file is written.
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ImageOptions {
     /// Kind of file.
     pub file: FileType,
-    /// Type of pixels.
-    pub pixel_type: PixelType,
-    /// Compression.
-    pub compression: Compression,
-    /// Encoding of color.
-    pub color: ColorSpace,
-    /// AOVs to write; none for all that were rendered.
+    /// What the color AOV is encoded to; other AOVs stay as they are.
+    pub color: PngColor,
+    /// AOVs to write; none for all that were rendered (PNG: color).
     pub aovs: Vec<String>,
-    /// Names and values for the file's header.
+    /// Names and values that are added to the session's own, or take their place.
     pub metadata: Vec<(String, String)>,
+}
+
+/// AOVs that `options` asks for, of those that were rendered.
+pub(crate) fn choose(options: &ImageOptions, rendered: &[Aov]) -> Result<Vec<Aov>, Error> {
+    let find = |name: &str| {
+        let aov = Aov::from_name(name).filter(|aov| rendered.contains(aov));
+        aov.ok_or_else(|| not_rendered(name))
+    };
+    match (options.file, options.aovs.as_slice()) {
+        (FileType::Exr(_), []) => Ok(rendered.to_vec()),
+        (FileType::Png, []) => Ok(vec![find(Aov::Color.name())?]),
+        (FileType::Png, [_, _, ..]) => Err(Error::InvalidArgument(
+            "a PNG holds one AOV; name one".to_owned(),
+        )),
+        (_, names) => names.iter().map(|name| find(name)).collect(),
+    }
+}
+
+pub(crate) fn not_rendered(name: &str) -> Error {
+    Error::NotFound(format!("AOV {name} was not rendered"))
+}
+
+/// An AOV as a layer; color is encoded unless the file does it.
+pub(crate) fn layer(aov: Aov, image: AovImage, options: &ImageOptions) -> Layer {
+    let encode = aov == Aov::Color
+        && options.color == PngColor::Srgb
+        && matches!(options.file, FileType::Exr(_));
+    let mut layer = match image.data {
+        AovData::F32(values) => Layer::from_interleaved(aov.name(), image.components, &values),
+        AovData::I32(values) => Layer::from_ids(aov.name(), values),
+    };
+    if encode {
+        encode_srgb(&mut layer);
+    }
+    layer
+}
+
+/// Encodes premultiplied colour: divided by alpha, encoded, multiplied again.
+fn encode_srgb(layer: &mut Layer) {
+    let [
+        (_, ChannelData::F32(r)),
+        (_, ChannelData::F32(g)),
+        (_, ChannelData::F32(b)),
+        (_, ChannelData::F32(a)),
+    ] = layer.channels.as_mut_slice()
+    else {
+        return;
+    };
+    for channel in [r, g, b] {
+        for (value, &alpha) in channel.iter_mut().zip(&*a) {
+            if alpha > 0.0 {
+                *value = srgb(*value / alpha) * alpha;
+            }
+        }
+    }
+}
+
+/// sRGB's transfer function (IEC 61966-2-1), continued as an odd function.
+fn srgb(linear: f32) -> f32 {
+    let size = linear.abs();
+    let encoded = match size <= 0.003_130_8 {
+        true => 12.92 * size,
+        false => 1.055 * size.powf(1.0 / 2.4) - 0.055,
+    };
+    encoded.copysign(linear)
+}
+
+/// Metadata that every file of a render has.
+pub(crate) fn facts(camera: &CameraDesc, settings: &RenderSettings) -> Vec<(String, String)> {
+    let [open, close] = settings.shutter.unwrap_or(camera.shutter);
+    let filter_width = match settings.filter_width {
+        0.0 => settings.filter.default_width(),
+        width => width,
+    };
+    let version = env!("CARGO_PKG_VERSION");
+    [
+        ("software", format!("hdTrapeze {version}")),
+        ("hdtrapeze/camera", camera.path.clone()),
+        ("hdtrapeze/samples", settings.samples.to_string()),
+        ("hdtrapeze/shadingRate", settings.shading_rate.to_string()),
+        ("hdtrapeze/filter", format!("{:?}", settings.filter)),
+        ("hdtrapeze/filterWidth", filter_width.to_string()),
+        ("hdtrapeze/seed", settings.seed.to_string()),
+        ("hdtrapeze/shutterOpen", open.to_string()),
+        ("hdtrapeze/shutterClose", close.to_string()),
+        (
+            "hdtrapeze/motionBlur",
+            (!settings.disable_motion_blur).to_string(),
+        ),
+        ("hdtrapeze/defocus", (!settings.disable_defocus).to_string()),
+        ("hdtrapeze/backend", "cpu".to_owned()),
+    ]
+    .map(|(name, value)| (name.to_owned(), value))
+    .to_vec()
+}
+
+/// Sets a name's value, in place where it has one.
+pub(crate) fn set_fact(facts: &mut Vec<(String, String)>, name: &str, value: String) {
+    match facts.iter_mut().find(|(known, _)| known == name) {
+        Some((_, old)) => *old = value,
+        None => facts.push((name.to_owned(), value)),
+    }
+}
+
+/// Writes the file whole, or leaves what was there.
+pub(crate) fn write(path: &Path, image: &Image, options: &ImageOptions) -> Result<(), Error> {
+    let written = match options.file {
+        FileType::Exr(exr) => write_exr(path, image, &exr),
+        FileType::Png => {
+            let color = match image.layers.first() {
+                Some(layer) if layer.name == Aov::Color.name() => options.color,
+                _ => PngColor::Linear,
+            };
+            write_png(path, image, &PngOptions { color, layer: None })
+        }
+    };
+    written.map_err(|error| match error {
+        ImageError::Io { .. } => Error::Io(error.to_string()),
+        ImageError::Invalid { .. } => Error::InvalidArgument(error.to_string()),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn options(file: FileType, aovs: &[&str]) -> ImageOptions {
+        ImageOptions {
+            file,
+            color: PngColor::Srgb,
+            aovs: aovs.iter().map(|name| (*name).to_owned()).collect(),
+            metadata: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn files_hold_what_was_asked_for() {
+        let rendered = [Aov::Color, Aov::P];
+        let exr = FileType::Exr(ExrOptions::default());
+        let chosen = |file, aovs: &[&str]| choose(&options(file, aovs), &rendered);
+        assert_eq!(chosen(exr, &[]).unwrap(), rendered);
+        assert_eq!(chosen(exr, &["P"]).unwrap(), [Aov::P]);
+        assert_eq!(chosen(FileType::Png, &[]).unwrap(), [Aov::Color]);
+        assert_eq!(chosen(FileType::Png, &["P"]).unwrap(), [Aov::P]);
+        let not_found = |result| matches!(result, Err(Error::NotFound(_)));
+        assert!(not_found(chosen(exr, &["normal"])));
+        assert!(not_found(chosen(exr, &["nonsense"])));
+        assert!(matches!(
+            chosen(FileType::Png, &["P", "color"]),
+            Err(Error::InvalidArgument(_))
+        ));
+        let only_p = choose(&options(FileType::Png, &[]), &[Aov::P]);
+        assert!(not_found(only_p));
+    }
+
+    #[test]
+    fn colour_is_encoded_without_its_alpha() {
+        // sRGB of 0.25 and 0.5, and of a value on the straight part.
+        let expected = [0.537_099, 0.735_357, 12.92 * 0.001];
+        let image = AovImage {
+            width: 1,
+            height: 1,
+            components: 4,
+            data: AovData::F32(vec![0.125, 0.25, 0.0005, 0.5]),
+        };
+        let exr = FileType::Exr(ExrOptions::default());
+        let encoded = layer(Aov::Color, image.clone(), &options(exr, &[]));
+        for ((_, channel), expected) in encoded.channels.iter().zip(expected) {
+            let ChannelData::F32(values) = channel else {
+                panic!("floats");
+            };
+            assert!((values[0] - 0.5 * expected).abs() < 1e-5, "{values:?}");
+        }
+        // PNG encodes by itself.
+        let png = layer(Aov::Color, image, &options(FileType::Png, &[]));
+        assert_eq!(png.channels[0].1, ChannelData::F32(vec![0.125]));
+    }
+
+    #[test]
+    fn the_host_overrides_facts() {
+        let mut facts = facts(&CameraDesc::default(), &RenderSettings::default());
+        let count = facts.len();
+        set_fact(&mut facts, "software", "other".to_owned());
+        set_fact(&mut facts, "frame", "7".to_owned());
+        assert_eq!(facts[0].1, "other");
+        assert_eq!(facts.len(), count + 1);
+    }
 }

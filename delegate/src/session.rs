@@ -25,7 +25,8 @@ use tracing::dispatcher::with_default;
 use crate::aov::AovShape;
 use crate::edit::{Change, Edit, EditQueue, Kind, apply};
 use crate::error::{Error, try_map};
-use crate::file::ImageOptions;
+use crate::file::{self, ImageOptions};
+use crate::image::Image;
 use crate::log::{LogFn, in_log_callback};
 use crate::memory;
 use crate::pool::Pool;
@@ -237,22 +238,45 @@ impl Session {
         let needed = AovShape::new(aov, rendered.frame.resolution()).bytes();
         memory::check(needed, "reading an AOV")?;
         let image = self.shared.guard(|| rendered.frame.aov(aov))?;
-        image.ok_or_else(|| not_rendered(name))
+        image.ok_or_else(|| file::not_rendered(name))
     }
 
     /// Writes AOVs of the last render to a file.
     pub fn write_image(&self, path: &Path, options: &ImageOptions) -> Result<(), Error> {
-        let _ = (path, options, self.rendered()?);
-        Err(Error::Unsupported(
-            "this version writes no image files yet; read the AOVs".to_owned(),
-        ))
+        self.shared.check()?;
+        let rendered = self.rendered()?;
+        let frame = &rendered.frame;
+        let [width, height] = frame.resolution();
+        let aovs = file::choose(options, frame.aovs())?;
+        let shapes = aovs.iter().map(|&aov| AovShape::new(aov, [width, height]));
+        // Once as layers, once more while the file is encoded.
+        memory::check(
+            2 * shapes.map(|shape| shape.bytes()).sum::<u64>(),
+            "an image file",
+        )?;
+        self.shared.guard(|| {
+            let mut image = Image::new(width, height);
+            image.pixel_aspect = rendered.pixel_aspect;
+            if let Some([x0, y0, x1, y1]) = rendered.crop {
+                image.data_window = [x0, y0, x1.min(width), y1.min(height)];
+            }
+            let pixels = |aov: &Aov| Some(file::layer(*aov, frame.aov(*aov)?, options));
+            image.layers = aovs.iter().filter_map(pixels).collect();
+            image.metadata = rendered.facts;
+            let done = frame.samples_done().to_string();
+            file::set_fact(&mut image.metadata, "hdtrapeze/samplesDone", done);
+            for (name, value) in &options.metadata {
+                file::set_fact(&mut image.metadata, name, value.clone());
+            }
+            file::write(path, &image, options)
+        })?
     }
 
     fn rendered_aov(&self, name: &str) -> Result<(Rendered, Aov), Error> {
         self.shared.check()?;
         let rendered = self.rendered()?;
         let aov = Aov::from_name(name).filter(|aov| rendered.frame.aovs().contains(aov));
-        Ok((rendered, aov.ok_or_else(|| not_rendered(name))?))
+        Ok((rendered, aov.ok_or_else(|| file::not_rendered(name))?))
     }
 
     fn rendered(&self) -> Result<Rendered, Error> {
@@ -351,11 +375,20 @@ impl Session {
         cancel: Arc<AtomicBool>,
     ) -> Result<(), Error> {
         let Committed { prepared, pool } = committed;
-        let total = work.scene.settings.samples;
+        let settings = &work.scene.settings;
+        let total = settings.samples;
+        let camera = work.scene.active_camera;
+        let camera = camera.and_then(|id| work.scene.cameras.get(&id));
+        let mut facts = camera.map_or_else(Vec::new, |camera| file::facts(camera, settings));
+        let seconds = prepared.statistics().total_seconds;
+        file::set_fact(&mut facts, "hdtrapeze/prepareSeconds", seconds.to_string());
         let frame = Arc::new(self.shared.guard(|| new_frame(&prepared))??);
         let mut status = self.shared.status();
         status.rendered = Some(Rendered {
             frame: frame.clone(),
+            pixel_aspect: settings.pixel_aspect,
+            crop: settings.crop,
+            facts,
         });
         status.state = State::Rendering;
         status.run.rendering_since = Some(Instant::now());
@@ -418,6 +451,10 @@ fn render_all(
     all.rays = statistics.counts.rays;
     all.node_tests = statistics.counts.node_tests;
     all.cell_tests = statistics.counts.cell_tests;
+    if let Some(rendered) = &mut status.rendered {
+        let seconds = statistics.seconds.to_string();
+        file::set_fact(&mut rendered.facts, "hdtrapeze/renderSeconds", seconds);
+    }
     drop(status);
     shared.end(match statistics.cancelled {
         true => State::Cancelled,
@@ -470,10 +507,6 @@ fn prepare_error(error: PrepareError) -> Error {
         PrepareError::Cancelled => Error::Cancelled,
         _ => Error::InvalidArgument(error.to_string()),
     }
-}
-
-fn not_rendered(name: &str) -> Error {
-    Error::NotFound(format!("AOV {name} was not rendered"))
 }
 
 /// A ray that hits nothing.

@@ -32,6 +32,10 @@ pub(crate) struct Committed {
 #[derive(Clone)]
 pub(crate) struct Rendered {
     pub frame: Arc<Frame>,
+    pub pixel_aspect: f32,
+    pub crop: Option<[u32; 4]>,
+    /// Metadata of its files.
+    pub facts: Vec<(String, String)>,
 }
 
 /// See the module.

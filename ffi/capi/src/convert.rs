@@ -13,7 +13,8 @@ use hdtrapeze_core::scene::{
 use hdtrapeze_core::surface::{
     BoundaryInterpolation, FaceVaryingLinear, Orientation, Scheme, TriangleRule,
 };
-use hdtrapeze_delegate::file::{ColorSpace, Compression, FileType, ImageOptions, PixelType};
+use hdtrapeze_delegate::file::{FileType, ImageOptions};
+use hdtrapeze_delegate::image::{ExrCompression, ExrOptions, ExrPixelType, PngColor};
 use hdtrapeze_delegate::{AovShape, AuthoredTopology, Progress, State, Statistics};
 
 use crate::constants::*;
@@ -538,16 +539,15 @@ pub(crate) fn aov_bytes(image: &AovImage) -> &[u8] {
 }
 
 pub(crate) unsafe fn image(from: &trz_image) -> Result<ImageOptions, Fault> {
-    let files = [FileType::Exr, FileType::Png];
-    let pixels = [PixelType::Half, PixelType::Float];
+    let pixels = [ExrPixelType::Half, ExrPixelType::Float];
     let compressions = [
-        Compression::None,
-        Compression::Rle,
-        Compression::Zips,
-        Compression::Zip,
-        Compression::Piz,
+        ExrCompression::None,
+        ExrCompression::Rle,
+        ExrCompression::Zips,
+        ExrCompression::Zip,
+        ExrCompression::Piz,
     ];
-    let colors = [ColorSpace::Linear, ColorSpace::Srgb];
+    let colors = [PngColor::Linear, PngColor::Srgb];
     if !from.metadata_count.is_multiple_of(2) {
         return refuse("metadata_count", from.metadata_count, "is odd");
     }
@@ -560,10 +560,12 @@ pub(crate) unsafe fn image(from: &trz_image) -> Result<ImageOptions, Fault> {
         )
     };
     let (metadata, _) = metadata.as_chunks::<2>();
-    Ok(ImageOptions {
-        file: pick(&files, from.r#type, "type")?,
+    let exr = ExrOptions {
         pixel_type: pick(&pixels, from.pixel_type, "pixel_type")?,
         compression: pick(&compressions, from.compression, "compression")?,
+    };
+    Ok(ImageOptions {
+        file: pick(&[FileType::Exr(exr), FileType::Png], from.r#type, "type")?,
         color: pick(&colors, from.color, "color")?,
         aovs,
         metadata: metadata

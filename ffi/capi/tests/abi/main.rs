@@ -3,6 +3,7 @@
 #![allow(unsafe_code)]
 
 mod arguments;
+mod files;
 mod lifecycle;
 mod messages;
 mod nulls;
