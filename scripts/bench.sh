@@ -2,4 +2,4 @@
 # Runs every bench of the workspace. Each checks its results before it prints a time.
 set -euo pipefail
 cd "$(dirname "$0")/.."
-cargo bench --workspace --locked "$@"
+cargo bench --workspace --locked --bench '*' "$@"
