@@ -1,0 +1,271 @@
+//! The central invariant of the BVH: bounds contain every vertex below them, at every time, in exact
+//! arithmetic.
+
+mod trace_scenes;
+
+use glam::{DAffine3, DVec3, Vec3};
+use hdtrapeze_core::bvh::object::{Blas, BlockTree};
+use hdtrapeze_core::bvh::{Bounds8, Frame, LinearBox, ObjectGeometry, Tree};
+use hdtrapeze_core::grid::DicedMesh;
+use hdtrapeze_core::trace::instance::world_bounds;
+use proptest::prelude::*;
+use trace_scenes::*;
+
+/// A vertex's position in f64; rounded by 2^-52 of it.
+fn position(mesh: &DicedMesh, g: usize, i: usize, time: f64) -> DVec3 {
+    let keys = &mesh.key_times;
+    let k = (0..keys.len().max(2) - 2)
+        .take_while(|&k| f64::from(keys[k + 1]) <= time)
+        .count();
+    let a = mesh.grid_positions(g, k)[i].as_dvec3();
+    if keys.len() < 2 {
+        return a;
+    }
+    let b = mesh.grid_positions(g, k + 1)[i].as_dvec3();
+    let (t0, t1) = (f64::from(keys[k]), f64::from(keys[k + 1]));
+    a + (b - a) * ((time - t0) / (t1 - t0))
+}
+
+/// True when `p` is inside, to within the rounding of f64 in this test.
+fn contains(b: &LinearBox, frame: &Frame, p: DVec3, time: f64) -> Result<(), String> {
+    let (lo, hi) = b.at(time);
+    for a in 0..3 {
+        let x = frame.axes[a].as_dvec3().dot(p);
+        let slack =
+            1e-14 * (p.abs().max_element() + lo.abs().max_element() + hi.abs().max_element());
+        if x < lo[a] - slack || x > hi[a] + slack {
+            return Err(format!(
+                "axis {a}: {x} not in [{}, {}] at {time}",
+                lo[a], hi[a]
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// Checks all below `reference`; returns the vertices there, as (grid, vertex).
+fn check_tree<B: Bounds8>(
+    mesh: &DicedMesh,
+    tree: &BlockTree<B>,
+    reference: u32,
+    times: &[f64],
+) -> Result<Vec<(usize, usize)>, String> {
+    let mut all = Vec::new();
+    let children: Vec<(LinearBox, u32, Vec<(usize, usize)>)>;
+    let frame;
+    if reference & Tree::<B>::LEAF != 0 {
+        let block = &tree.blocks[(reference & !Tree::<B>::LEAF) as usize];
+        let g = block.span.grid as usize;
+        let stride = usize::from(mesh.grids[g].nu) + 1;
+        frame = block.frame;
+        children = (0..u32::from(block.span.count))
+            .map(|slot| {
+                let r = block.span.group_rect(slot);
+                let [i, j, w, h] = [r.i, r.j, r.w, r.h].map(usize::from);
+                let vertices = (j..=j + h)
+                    .flat_map(|y| (i..=i + w).map(move |x| (g, y * stride + x)))
+                    .collect();
+                (block.bounds.unpack(slot as usize), frame, vertices)
+            })
+            .collect();
+    } else {
+        let node = &tree.tree.nodes[reference as usize];
+        frame = node.frame;
+        children = (0..8)
+            .filter(|s| node.valid >> s & 1 == 1)
+            .map(|s| {
+                let below = check_tree(mesh, tree, node.children[s], times)?;
+                Ok((node.bounds.unpack(s), frame, below))
+            })
+            .collect::<Result<_, String>>()?;
+    }
+    for (bounds, frame, vertices) in children {
+        let frame = &tree.tree.frames[frame as usize];
+        for &(g, i) in &vertices {
+            for &time in times {
+                contains(&bounds, frame, position(mesh, g, i, time), time)?;
+            }
+        }
+        all.extend(vertices);
+    }
+    Ok(all)
+}
+
+fn check_object(mesh: DicedMesh, times: &[f64]) -> Result<(), String> {
+    let object = ObjectGeometry::new(mesh);
+    let mesh = object.mesh();
+    let found = match object.blas() {
+        Blas::Static(t) => {
+            if mesh.is_moving() {
+                return Err("a moving mesh has a static tree".into());
+            }
+            check_tree(mesh, t, t.tree.root, times)?
+        }
+        Blas::Moving(t) => check_tree(mesh, t, t.tree.root, times)?,
+    };
+    let mut found = found;
+    found.sort_unstable();
+    found.dedup();
+    if found.len() != mesh.vertex_count {
+        return Err(format!("{} of {} vertices", found.len(), mesh.vertex_count));
+    }
+    for &(g, i) in &found {
+        for &time in times {
+            let p = position(mesh, g, i, time);
+            contains(object.bounds(), &Frame::IDENTITY, p, time)?;
+            if p.abs().max_element() > f64::from(object.radius()) * (1.0 + 1e-14) {
+                return Err("beyond the radius".into());
+            }
+        }
+    }
+    Ok(())
+}
+
+fn times_strategy() -> impl Strategy<Value = Vec<f64>> {
+    prop::collection::vec(0.0f64..=1.0, 3).prop_map(|mut t| {
+        t.extend([0.0, 1.0, 0.5]);
+        t
+    })
+}
+
+/// Strictly ascending keys from 0 to 1.
+fn keys_strategy() -> impl Strategy<Value = Vec<f32>> {
+    prop::collection::vec(0.001f32..0.999, 0..4).prop_map(|mut inner| {
+        inner.sort_by(f32::total_cmp);
+        inner.dedup();
+        let mut keys = vec![0.0];
+        keys.extend(inner);
+        keys.push(1.0);
+        keys
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(60))]
+
+    #[test]
+    fn random_vertices_are_contained(
+        rates in prop::collection::vec((1u16..=16, 1u16..=16), 1..12),
+        keys in keys_strategy(), seed: u64, size in -20i32..20, flat in 0usize..4, times in times_strategy()
+    ) {
+        // Noise at every key: nothing is smooth, chords are raised. Flat in one axis or more.
+        let size = (size as f32).exp2();
+        let h = |g: usize, u: f32, v: f32, t: f32, a: u64| {
+            let bits = (g as u64) << 40 ^ u64::from(u.to_bits()) ^ u64::from(v.to_bits()).rotate_left(20)
+                ^ u64::from(t.to_bits()).rotate_left(37) ^ seed.wrapping_mul(a + 1);
+            Rng(bits).signed()
+        };
+        let m = mesh(&rates, &keys, |g, u, v, t| {
+            let p = Vec3::new(h(g, u, v, t, 1), h(g, u, v, t, 2), h(g, u, v, t, 3));
+            let mask = [Vec3::ONE, Vec3::new(1.0, 1.0, 0.0), Vec3::X, Vec3::ZERO][flat];
+            (Vec3::new(u, v, 0.0) + p * mask) * size + Vec3::splat(g as f32)
+        });
+        check_object(m, &times).map_err(TestCaseError::fail)?;
+    }
+
+    #[test]
+    fn oriented_bounds_contain(seed: u64, k in 1usize..4, offset in -100f32..100.0, times in times_strategy()) {
+        let mut m = fur(40, &keys(k), seed);
+        let spin = glam::Quat::from_axis_angle(Rng(seed).direction(), 1.0);
+        for p in &mut m.positions {
+            *p = spin * *p + Vec3::splat(offset);
+        }
+        let oriented = ObjectGeometry::new(m.clone()).stats().oriented_blocks;
+        prop_assert!(oriented > 0 || offset.abs() > 50.0);
+        check_object(m, &times).map_err(TestCaseError::fail)?;
+    }
+
+    #[test]
+    fn instance_bounds_contain_the_quadratic_path(
+        keys in keys_strategy(), seed: u64, moving: bool, time in 0.0f64..=1.0
+    ) {
+        let mut rng = Rng(seed);
+        let (a, b, c, d) = (rng.cube(), rng.cube(), rng.cube(), rng.cube());
+        let object = if moving {
+            LinearBox { lo0: a.min(b), hi0: a.max(b), lo1: c.min(d), hi1: c.max(d) }
+        } else {
+            LinearBox { lo0: a.min(b), hi0: a.max(b), lo1: a.min(b), hi1: a.max(b) }
+        };
+        let matrices: Vec<DAffine3> = keys
+            .iter()
+            .map(|_| DAffine3::from_cols_array(&std::array::from_fn(|_| f64::from(rng.signed()) * 3.0)))
+            .collect();
+        let world = world_bounds(&object, &keys, &matrices);
+        let k = (0..keys.len() - 2).take_while(|&k| f64::from(keys[k + 1]) <= time).count();
+        let s = (time - f64::from(keys[k])) / (f64::from(keys[k + 1]) - f64::from(keys[k]));
+        let (m0, m1) = (&matrices[k], &matrices[k + 1]);
+        let (lo, hi) = object.at(time);
+        let (wlo, whi) = world.at(time);
+        for corner in 0..8 {
+            let pick = |i: usize| if corner >> i & 1 == 0 { lo[i] } else { hi[i] };
+            let p = DVec3::new(pick(0), pick(1), pick(2));
+            let q = m0.transform_point3(p) * (1.0 - s) + m1.transform_point3(p) * s;
+            prop_assert!((q - wlo).min_element() >= -1e-12, "{} {}", q, wlo);
+            prop_assert!((whi - q).min_element() >= -1e-12, "{} {}", q, whi);
+        }
+    }
+}
+
+#[test]
+fn the_excess_is_a_quarter() {
+    // M from 0 to 1, p from 1 to 0: the path reaches 1/4 in between, though it is 0 at both ends.
+    let object = LinearBox {
+        lo0: Vec3::ONE,
+        hi0: Vec3::ONE,
+        lo1: Vec3::ZERO,
+        hi1: Vec3::ZERO,
+    };
+    let scale = |s: f64| DAffine3::from_scale(DVec3::splat(s));
+    let b = world_bounds(&object, &[0.0, 1.0], &[scale(0.0), scale(1.0)]);
+    assert_eq!((b.hi0.x, b.hi1.x, b.lo0.x, b.lo1.x), (0.25, 0.25, 0.0, 0.0));
+}
+
+#[test]
+fn degenerate_grids_are_contained_and_never_hit() {
+    let times = [0.0, 0.3, 1.0];
+    for shape in 0..3 {
+        let m = mesh(
+            &[(16, 16), (3, 9)],
+            &[0.0, 0.4, 1.0],
+            |g, u, _, t| match shape {
+                0 => Vec3::splat(g as f32 + t),
+                1 => Vec3::new(u, 2.0 * u, t),
+                _ => Vec3::ZERO,
+            },
+        );
+        check_object(m.clone(), &times).expect("contained");
+        let world = world_of(m);
+        let mut counts = Default::default();
+        for time in [0.0, 0.5, 1.0] {
+            // Straight at points and lines: nothing has an area.
+            let r = ray(Vec3::new(0.25, 0.5, 9.0), -Vec3::Z, time);
+            assert!(!world.trace(&r, &mut counts).is_hit());
+        }
+    }
+}
+
+#[test]
+fn a_million_identical_grids_build_and_answer_the_first() {
+    let m = mesh(&vec![(1, 1); 1_000_000], &[0.0], |_, u, v, _| {
+        Vec3::new(u, v, 0.0)
+    });
+    let world = world_of(m);
+    let mut counts = Default::default();
+    let hit = world.trace(&ray(Vec3::new(0.25, 0.5, 1.0), -Vec3::Z, 0.0), &mut counts);
+    assert_eq!((hit.t, hit.grid, hit.cell), (1.0, 0, 0));
+    assert!(
+        !world
+            .trace(&ray(Vec3::new(1.5, 0.5, 1.0), -Vec3::Z, 0.0), &mut counts)
+            .is_hit()
+    );
+}
+
+#[test]
+fn what_does_not_move_stores_no_second_bounds() {
+    let still = ObjectGeometry::new(sheet(8, 16, &keys(1)));
+    let moving = ObjectGeometry::new(sheet(8, 16, &keys(2)));
+    let per_cell = |o: &ObjectGeometry| o.stats().bvh_bytes as f64 / o.stats().cells as f64;
+    assert!(per_cell(&still) < 5.0, "{}", per_cell(&still));
+    assert!(per_cell(&moving) < 8.0, "{}", per_cell(&moving));
+    assert!(matches!(still.blas(), Blas::Static(_)));
+}
