@@ -132,11 +132,7 @@ fn main() {
     let args: Vec<String> = std::env::args().skip(1).collect();
     let full = args.iter().any(|a| a == "--bench");
     let only = args.iter().find(|a| !a.starts_with('-'));
-    let (scale, size, checks) = if full {
-        (1.0, 512, 4)
-    } else {
-        (0.02, 32, 10)
-    };
+    let (scale, size, checks) = if full { (1.0, 512, 4) } else { (0.02, 32, 10) };
     println!("{} threads", rayon::current_num_threads());
     println!(
         "scene            Mquads/s  Mrays/s  B/quad  nodes/ray cells/ray  hit  oriented nodes, blocks"

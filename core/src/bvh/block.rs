@@ -3,7 +3,8 @@
 //! A block has up to 8 *groups* of up to 4x2 micropolygons, in rows; where a group lies follows from
 //! its number, so nothing is stored for it but its bounds. Blocks may also be 4x16 or 16x4, with the
 //! same 8 groups, so that strips of narrow grids (fur) fill their nodes; groups shrink while 8 are
-//! enough.
+//! enough. Where the box of a block is mostly empty, as along a tilted strand, the block is halved for
+//! as long as that pays ([`refine`]).
 
 use glam::Vec3;
 
@@ -20,6 +21,14 @@ const MAX_BLOCK_VERTICES: usize = 85;
 /// Relative cost of turning a ray into a node's frame (9 products, 3 reciprocals), in units of
 /// one group test. Measured on the benches; only the choice of frames depends on it.
 const TURN_COST: f32 = 0.3;
+
+/// A block is halved when the boxes of its halves have less than this part of its own area together.
+/// A quarter of each would be a straight diagonal strand (sum 1/2), half of each a surface (sum 1, and
+/// a little less when it is tilted). Halving doubles the nodes above and the bounds stored, so it must
+/// save clearly more than a surface does.
+const HALVING: f32 = 0.6;
+/// Blocks of fewer micropolygons than this are not halved.
+const MIN_HALVED: u8 = 16;
 
 /// A rectangle of micropolygons of a grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -121,6 +130,60 @@ pub fn cut(number: u32, grid: &Grid) -> impl Iterator<Item = Span> + use<> {
             Span::new(number, rect)
         })
     })
+}
+
+/// Halves a block, along its longer side, for as long as [`HALVING`] says that it pays; appends what
+/// remains to `out`.
+pub fn refine(mesh: &DicedMesh, span: Span, out: &mut Vec<Span>) {
+    let r = span.rect;
+    if r.w.max(r.h) >= 4 && r.w * r.h >= MIN_HALVED {
+        let halves = if r.w > r.h {
+            let w = r.w / 2;
+            let right = CellRect {
+                i: r.i + w,
+                w: r.w - w,
+                ..r
+            };
+            [CellRect { w, ..r }, right]
+        } else {
+            let h = r.h / 2;
+            let far = CellRect {
+                j: r.j + h,
+                h: r.h - h,
+                ..r
+            };
+            [CellRect { h, ..r }, far]
+        }
+        .map(|rect| Span::new(span.grid, rect));
+        let area = |span: &Span| sampled_box(mesh, span).mean_half_area();
+        if area(&halves[0]) + area(&halves[1]) < HALVING * area(&span) {
+            for half in halves {
+                refine(mesh, half, out);
+            }
+            return;
+        }
+    }
+    out.push(span);
+}
+
+/// The box of a block's corners and middle, at both ends of the shutter: an estimate, for choices only.
+fn sampled_box(mesh: &DicedMesh, span: &Span) -> LinearBox {
+    let grid = &mesh.grids[span.grid as usize];
+    let stride = usize::from(grid.nu) + 1;
+    let [i, j, w, h] = [span.rect.i, span.rect.j, span.rect.w, span.rect.h].map(usize::from);
+    let start = mesh.grid_positions(span.grid as usize, 0);
+    let end = mesh.grid_positions(span.grid as usize, mesh.key_count() - 1);
+    let mut out = LinearBox::EMPTY;
+    for (x, y) in [(0, 0), (w, 0), (0, h), (w, h), (w / 2, h / 2)] {
+        let at = (j + y) * stride + i + x;
+        out = out.union(&LinearBox {
+            lo0: start[at],
+            hi0: start[at],
+            lo1: end[at],
+            hi1: end[at],
+        });
+    }
+    out
 }
 
 /// True when the grid's rates and vertices are within the mesh.

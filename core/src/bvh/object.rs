@@ -88,7 +88,9 @@ impl ObjectGeometry {
                 || mesh.key_times.first() == Some(&0.0) && mesh.key_times.last() == Some(&1.0));
         for (g, grid) in mesh.grids.iter().enumerate() {
             if usable && block::is_sound(&mesh, grid) {
-                spans.extend(block::cut(g as u32, grid));
+                for span in block::cut(g as u32, grid) {
+                    block::refine(&mesh, span, &mut spans);
+                }
             } else {
                 dropped += 1;
             }
