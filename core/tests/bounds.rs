@@ -266,6 +266,6 @@ fn what_does_not_move_stores_no_second_bounds() {
     let moving = ObjectGeometry::new(sheet(8, 16, &keys(2)));
     let per_cell = |o: &ObjectGeometry| o.stats().bvh_bytes as f64 / o.stats().cells as f64;
     assert!(per_cell(&still) < 5.0, "{}", per_cell(&still));
-    assert!(per_cell(&moving) < 8.0, "{}", per_cell(&moving));
+    assert!(per_cell(&moving) < 9.0, "{}", per_cell(&moving));
     assert!(matches!(still.blas(), Blas::Static(_)));
 }
