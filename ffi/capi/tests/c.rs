@@ -1,0 +1,150 @@
+//! The header as C and C++ compilers see it: it compiles without a warning, and structs have the
+//! layout that Rust gives them.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use hdtrapeze::*;
+
+fn include() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("include")
+}
+
+/// Compiles `source`; returns the program's path where it is to be linked.
+fn compile(compiler: &str, standard: &str, name: &str, source: &str, link: bool) -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
+    let file = folder.join(name);
+    fs::write(&file, source).unwrap();
+    let program = file.with_extension("out");
+    let mut command = Command::new(compiler);
+    command.args([standard, "-Wall", "-Wextra", "-pedantic", "-Werror", "-I"]);
+    command.arg(include()).arg(&file);
+    match link {
+        true => command.arg("-o").arg(&program),
+        false => command.arg("-fsyntax-only"),
+    };
+    let done = command.output().expect("a C and C++ compiler is installed");
+    let errors = String::from_utf8_lossy(&done.stderr);
+    assert!(done.status.success(), "{compiler} {standard}: {errors}");
+    program
+}
+
+#[test]
+fn compiles_as_c99_and_cpp17() {
+    let source = "#include \"hdtrapeze.h\"\n#include \"hdtrapeze.h\"\n\
+                  int main(void) { return (int)sizeof(trz_settings) < 0; }\n";
+    compile("cc", "-std=c99", "header.c", source, false);
+    compile("c++", "-std=c++17", "header.cpp", source, false);
+}
+
+/// Lines "struct size" and "struct.field offset" by Rust, and the C statements that print the same.
+#[derive(Default)]
+struct Layouts {
+    rust: String,
+    c: String,
+}
+
+macro_rules! layouts {
+    ($($name:ident { $($field:tt),* $(,)? })*) => {{
+        let mut all = Layouts::default();
+        $(
+            // Does not compile where a field is forgotten.
+            #[allow(dead_code)]
+            fn $name(value: &$name) {
+                let $name { $($field: _),* } = value;
+            }
+            let name = stringify!($name);
+            all.rust += &format!("{name} {}\n", size_of::<$name>());
+            all.c += &format!("printf(\"{name} %zu\\n\", sizeof({name}));\n");
+            $(
+                let field = stringify!($field).trim_start_matches("r#");
+                let offset = std::mem::offset_of!($name, $field);
+                all.rust += &format!("{name}.{field} {offset}\n");
+                all.c += &format!(
+                    "printf(\"{name}.{field} %zu\\n\", offsetof({name}, {field}));\n"
+                );
+            )*
+        )*
+        all
+    }};
+}
+
+fn all_layouts() -> Layouts {
+    layouts! {
+        trz_transform_samples { times, matrices, count }
+        trz_topology {
+            struct_size, scheme, boundary, face_varying, triangles, orientation,
+            face_vertex_counts, face_count, face_vertex_indices, index_count, holes, hole_count,
+            crease_indices, crease_index_count, crease_lengths, crease_count, crease_sharpnesses,
+            crease_sharpness_count, corner_indices, corner_count, corner_sharpnesses,
+            corner_sharpness_count,
+        }
+        trz_points { struct_size, times, sample_count, points, counts }
+        trz_primvar {
+            struct_size, interpolation, width, values, value_count, indices, index_count,
+        }
+        trz_instances { struct_size, times, sample_count, matrices, instance_count, ids }
+        trz_grids {
+            struct_size, times, key_count, rates, elements, grid_count, positions, position_count,
+        }
+        trz_camera {
+            struct_size, projection, horizontal_aperture, vertical_aperture,
+            horizontal_aperture_offset, vertical_aperture_offset, focal_length, focus_distance,
+            f_stop, clipping_near, clipping_far, shutter_open, shutter_close, exposure_scale,
+        }
+        trz_settings {
+            struct_size, width, height, crop, pixel_aspect, window_policy, samples, shading_rate,
+            filter, filter_width, seed, threads, override_shutter, shutter_open, shutter_close,
+            disable_motion_blur, disable_defocus, camera_light, time_window, fix_lens, lens_point,
+            max_micropolygons, backend,
+        }
+        trz_progress {
+            struct_size, state, fraction, samples_done, samples_total, seconds, seconds_left,
+        }
+        trz_statistics {
+            struct_size, prims, instances, objects, grids, micropolygons, limit_evaluations,
+            geometry_bytes, bvh_bytes, bvh_nodes, film_bytes, peak_bytes, translate_seconds,
+            dice_seconds, build_seconds, trace_seconds, total_seconds, rays, node_tests,
+            cell_tests, objects_diced, objects_reused,
+        }
+        trz_aov_desc { struct_size, width, height, components, format }
+        trz_image {
+            struct_size, r#type, pixel_type, compression, color, aovs, aov_count, metadata,
+            metadata_count,
+        }
+        trz_ray { origin, dir, time, t_min, t_max }
+        trz_hit { t, u, v, normal, prim_id, instance_id, element_id, grid, cell }
+    }
+}
+
+#[test]
+fn structs_have_one_layout() {
+    let layouts = all_layouts();
+    let header = fs::read_to_string(include().join("hdtrapeze.h")).unwrap();
+    for (_, rest) in header
+        .match_indices("\ntypedef struct ")
+        .map(|(at, found)| {
+            let rest = &header[at + found.len()..];
+            (at, rest)
+        })
+    {
+        let name = rest.split([' ', ';']).next().unwrap_or_default();
+        let opaque = name == "trz_session";
+        assert!(
+            opaque || layouts.rust.contains(&format!("{name} ")),
+            "{name} is not compared"
+        );
+    }
+    let source = format!(
+        "#include <stdio.h>\n#include \"hdtrapeze.h\"\nint main(void) {{\n{}return 0;\n}}\n",
+        layouts.c
+    );
+    let program = compile("cc", "-std=c99", "layout.c", &source, true);
+    let printed = Command::new(program).output().expect("runs");
+    let c = String::from_utf8_lossy(&printed.stdout);
+    for (rust, c) in layouts.rust.lines().zip(c.lines()) {
+        assert_eq!(rust, c, "Rust's layout, C's layout");
+    }
+    assert_eq!(layouts.rust.lines().count(), c.lines().count());
+}
