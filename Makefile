@@ -5,7 +5,7 @@ SHELL := /bin/bash
 .PHONY: help setup demo test lint format bench clean distclean
 
 PY := .venv/bin/python
-# Threads and samples of the demo may be set on the command line: make demo DEMO_FLAGS="--samples 16"
+# Flags of `hdtrapeze record` for the demo: make demo DEMO_FLAGS="--samples 16"
 DEMO_FLAGS ?=
 
 help: ## List the targets
@@ -15,7 +15,7 @@ setup: ## Install what is missing, make .venv, build the release libraries and t
 	@scripts/setup.sh
 
 demo: setup ## Render examples/demo to out/demo.exr and out/demo.png
-	@scripts/demo.sh $(DEMO_FLAGS)
+	@$(PY) scripts/demo.py $(DEMO_FLAGS)
 
 test: ## Everything CI runs: formats, lints, layers, Rust, C and Python tests, documentation
 	@scripts/setup.sh --tools
