@@ -5,30 +5,43 @@ then holds one placeholder: hashes, with a dot and more hashes for fractions (`#
 """
 
 import re
-
-from pxr import Tf, UsdUtils
+from decimal import Decimal
 
 from .errors import UsageError
 
 _PLACEHOLDER = re.compile(r"#+(?:\.#+)?")
+_NUMBER = r"([+-]?(?:\d+(?:\.\d*)?|\.\d+))"
+_SPEC = re.compile(rf"{_NUMBER}(?::{_NUMBER}(?:x{_NUMBER})?)?")
+
+MAX_FRAMES = 1_000_000
 
 
 def parse_frames(specs: str) -> tuple[list[float], int]:
     """Frames of `specs` in order, and the number of decimals that tell them apart."""
+    # Parsed here and not by UsdUtils.TimeCodeRange, which crashes on some malformed ranges.
     frames: list[float] = []
     decimals = 0
     for spec in specs.split(","):
-        spec = spec.strip()
-        try:
-            time_codes = UsdUtils.TimeCodeRange.CreateFromFrameSpec(spec)
-        except Tf.ErrorException:
+        match = _SPEC.fullmatch(spec.strip())
+        if match is None:
             raise UsageError(
                 f"--frames: {spec!r} is not a frame range. Valid are 12, 1:10, 10:1, 1:10x2 and "
                 f"1:2x0.5, or several joined by commas."
-            ) from None
-        frames.extend(code.GetValue() for code in time_codes)
-        numbers = re.split("[:x]", spec)
-        decimals = max([decimals] + [len(n.partition(".")[2].rstrip("0")) for n in numbers])
+            )
+        first, last, stride = (None if n is None else Decimal(n) for n in match.groups())
+        last = first if last is None else last
+        stride = Decimal(1) if stride is None else stride
+        # usdrecord wants 10:1x-3; 10:1x3 can mean nothing else.
+        backwards = last < first
+        if stride == 0 or (stride < 0 and not backwards):
+            raise UsageError(f"--frames: the stride of {spec!r} leads nowhere.")
+        count = int(abs(last - first) / abs(stride)) + 1
+        if count > MAX_FRAMES:
+            raise UsageError(f"--frames: {spec!r} has {count} frames; at most {MAX_FRAMES} may be.")
+        step = -abs(stride) if backwards else stride
+        codes = [first + i * step for i in range(count)]
+        frames += [float(code) for code in codes]
+        decimals = max([decimals, *(-code.normalize().as_tuple().exponent for code in codes)])
     return frames, decimals
 
 
