@@ -1,0 +1,294 @@
+"""Bad input: one warning that names the prim, and the rest renders. Nothing crashes."""
+
+import numpy as np
+import pytest
+from hdtrapeze import HdTrapezeError, Options, Renderer
+from pxr import Gf, UsdGeom, Vt
+from scenes import (
+    add_camera,
+    add_cube,
+    add_grid,
+    add_mesh,
+    add_quad,
+    new_stage,
+    one_warning,
+    pixel,
+    quad_coverage,
+    quad_points,
+    render,
+    set_samples,
+)
+
+NAN, INF = float("nan"), float("inf")
+GOOD = (3.0, 3.0, 4.5, 4.5)
+
+
+@pytest.fixture
+def stage():
+    """A camera, and a good quad in a corner that must be there whatever else is not."""
+    stage = new_stage()
+    add_camera(stage)
+    add_quad(stage, "/good", *GOOD)
+    return stage
+
+
+def check(stage, *words, path="/bad", shown=None, **settings):
+    image = render(stage, aovs=("color", "P", "primId"), **settings)
+    one_warning(image, path, *words)
+    good = quad_coverage(*GOOD) == 1
+    assert (image.alpha[good] == 1).all()
+    for values in image.values():
+        assert np.isfinite(values).all()
+    if shown is False:
+        assert image.alpha[pixel(0.1, 0.1)] == 0
+    elif shown:
+        assert image.alpha[pixel(0.1, 0.1)] == 1
+    return image
+
+
+SCHEMES = pytest.mark.parametrize("scheme", ["none", "catmullClark"])
+
+
+@SCHEMES
+@pytest.mark.parametrize(
+    ("counts", "indices"),
+    [
+        ([4, 4], [0, 1, 2, 3]),  # too few indices
+        ([3], [0, 1, 2, 3]),  # too many
+        ([-4], [0, 1, 2, 3]),
+        ([4], []),
+        ([4], [0, 1, 2, 7]),  # out of range
+        ([4], [0, 1, 2, -1]),
+        ([2147483647], [0, 1, 2, 3]),
+    ],
+)
+def test_topology_that_contradicts_itself(stage, scheme, counts, indices):
+    add_mesh(stage, "/bad", quad_points(-2, -2, 2, 2), counts, indices, scheme)
+    check(stage)
+
+
+@SCHEMES
+def test_one_bad_face_does_not_hide_the_others_or_warns_for_all(stage, scheme):
+    points = quad_points(-2, -2, 2, 2) + [(0, 0, 0)]
+    add_mesh(stage, "/bad", points, [4, 2], [0, 1, 2, 3, 0, 1], scheme)
+    check(stage)
+
+
+@SCHEMES
+def test_points_missing(stage, scheme):
+    add_mesh(stage, "/bad", [], [4], [0, 1, 2, 3], scheme)
+    check(stage, shown=False)
+
+
+@SCHEMES
+def test_a_mesh_with_nothing_is_silent(stage, scheme):
+    add_mesh(stage, "/empty", [], [], [], scheme)
+    UsdGeom.Mesh.Define(stage, "/unset")
+    image = render(stage)
+    assert image.warnings == []
+    np.testing.assert_array_equal(image.alpha, quad_coverage(*GOOD))
+
+
+@SCHEMES
+@pytest.mark.parametrize("value", [NAN, INF, -INF])
+def test_points_that_are_not_finite(stage, scheme, value):
+    points = quad_points(-2, -2, 2, 2)
+    points[2] = (2, value, 0)
+    add_mesh(stage, "/bad", points, [4], [0, 1, 2, 3], scheme)
+    check(stage)
+
+
+def test_points_that_are_absurdly_far(stage):
+    points = quad_points(-2, -2, 2, 2)
+    points[2] = (3e38, 3e38, 0)
+    add_mesh(stage, "/bad", points, [4], [0, 1, 2, 3])
+    image = render(stage)
+    assert len(image.warnings) <= 1
+    assert np.isfinite(image["color"]).all()
+
+
+@SCHEMES
+def test_zero_size_faces_are_harmless(stage, scheme):
+    add_mesh(stage, "/point", [(0, 0, 0)] * 4, [4], [0, 1, 2, 3], scheme)
+    add_mesh(stage, "/line", [(-1, 0, 0), (0, 0, 0), (1, 0, 0)], [3], [0, 1, 2], scheme)
+    image = render(stage)
+    assert (image.alpha[quad_coverage(*GOOD) == 1] == 1).all()
+    assert np.isfinite(image["color"]).all()
+    assert len(image.warnings) <= 2
+
+
+def test_a_face_that_uses_a_point_twice(stage):
+    add_mesh(stage, "/odd", quad_points(-2, -2, 2, 2), [5], [0, 1, 1, 2, 3], "catmullClark")
+    image = render(stage)
+    assert (image.alpha[quad_coverage(*GOOD) == 1] == 1).all()
+    assert len(image.warnings) <= 1
+
+
+def test_loop_on_quads(stage):
+    add_cube(stage, "/bad", scheme="loop")
+    check(stage)
+
+
+def test_unknown_scheme(stage):
+    mesh = add_quad(stage, "/bad")
+    mesh.GetSubdivisionSchemeAttr().Set("wrong")
+    check(stage, "subdivisionScheme", "wrong")
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda mesh: mesh.CreateHoleIndicesAttr([99]),
+        lambda mesh: mesh.CreateCornerIndicesAttr([0, 1]),
+        lambda mesh: (
+            mesh.CreateCornerIndicesAttr([77]),
+            mesh.CreateCornerSharpnessesAttr([1.0]),
+        ),
+        lambda mesh: (
+            mesh.CreateCreaseIndicesAttr([0, 1]),
+            mesh.CreateCreaseLengthsAttr([5]),
+            mesh.CreateCreaseSharpnessesAttr([1.0]),
+        ),
+        lambda mesh: (
+            mesh.CreateCreaseIndicesAttr([0, 99]),
+            mesh.CreateCreaseLengthsAttr([2]),
+            mesh.CreateCreaseSharpnessesAttr([1.0]),
+        ),
+        lambda mesh: (
+            mesh.CreateCornerIndicesAttr([0]),
+            mesh.CreateCornerSharpnessesAttr([NAN]),
+        ),
+    ],
+    ids=["hole", "corner count", "corner index", "crease length", "crease index", "sharpness"],
+)
+def test_bad_features_are_left_out(stage, spoil):
+    spoil(add_grid(stage, "/bad", n=4, scheme="catmullClark"))
+    check(stage, shown=True)
+
+
+def test_face_varying_of_the_wrong_length(stage):
+    mesh = add_grid(stage, "/bad", n=2, scheme="catmullClark")
+    mesh.CreateDisplayColorPrimvar("faceVarying").Set([Gf.Vec3f(1, 0, 0)] * 15)
+    check(stage, "displayColor", shown=True)
+
+
+def test_empty_primvars_are_as_if_unset(stage):
+    mesh = add_grid(stage, "/fine", n=2)
+    mesh.CreateDisplayColorPrimvar("vertex").Set(Vt.Vec3fArray())
+    mesh.CreateDisplayOpacityPrimvar("vertex").Set(Vt.FloatArray())
+    assert render(stage).warnings == []
+
+
+def test_colors_that_are_not_finite(stage):
+    mesh = add_quad(stage, "/bad")
+    mesh.CreateDisplayColorPrimvar("vertex").Set([Gf.Vec3f(NAN, 0, 0)] * 4)
+    check(stage, "displayColor", shown=True)
+
+
+@pytest.mark.parametrize(
+    "matrix",
+    [
+        Gf.Matrix4d(*[NAN] * 16),
+        Gf.Matrix4d(1).SetTranslate(Gf.Vec3d(INF, 0, 0)),
+    ],
+)
+def test_transforms_that_are_not_finite(stage, matrix):
+    add_quad(stage, "/bad").AddTransformOp().Set(matrix)
+    check(stage, shown=False)
+
+
+@pytest.mark.parametrize(
+    "matrix",
+    [
+        Gf.Matrix4d(1).SetScale(0.0),
+        Gf.Matrix4d(1).SetScale(Gf.Vec3d(1, 0, 1)),
+        Gf.Matrix4d(1).SetScale(1e30),
+        Gf.Matrix4d(1).SetScale(1e-30),
+        Gf.Matrix4d(1).SetTranslate(Gf.Vec3d(1e30, 0, 0)),
+    ],
+    ids=["zero", "flat", "huge", "tiny", "far"],
+)
+def test_absurd_transforms_do_no_harm(stage, matrix):
+    add_quad(stage, "/odd", -2, -2, 2, 2, z=-1).AddTransformOp().Set(matrix)
+    image = render(stage)
+    assert len(image.warnings) <= 1
+    assert np.isfinite(image["color"]).all()
+    if matrix[0][0] != 1e30:
+        np.testing.assert_array_equal(image.alpha[quad_coverage(*GOOD) == 1], 1)
+
+
+def test_number_of_points_changes_within_the_shutter(stage):
+    mesh = add_quad(stage, "/bad")
+    points = mesh.GetPointsAttr().Get()
+    mesh.GetPointsAttr().Set(points, 0)
+    mesh.GetPointsAttr().Set(Vt.Vec3fArray([*points, Gf.Vec3f(0)]), 1)
+    check(stage, shutter=(0, 1), shown=True)
+
+
+def test_varying_topology_is_fine(stage):
+    mesh = add_quad(stage, "/varying")
+    points, triangle = mesh.GetPointsAttr().Get(), [(-1, -1, 0), (1, -1, 0), (1, 1, 0)]
+    set_samples(mesh.GetPointsAttr(), {0: points, 1: Vt.Vec3fArray(triangle)})
+    set_samples(mesh.GetFaceVertexCountsAttr(), {0: [4], 1: [3]})
+    set_samples(mesh.GetFaceVertexIndicesAttr(), {0: [0, 1, 2, 3], 1: [0, 1, 2]})
+    for frame, area in ((0.0, 16.0), (0.5, 16.0), (1.0, 2.0)):
+        image = render(stage, frame=frame, shutter=(0, 0.25), samples=64)
+        assert image.warnings == []
+        covered = image.alpha.sum() / 16 - 1.5 * 1.5
+        assert covered == pytest.approx(area, rel=0.03), frame
+
+
+def test_camera_that_shows_nothing_useful(stage):
+    camera = UsdGeom.Camera.Get(stage, "/camera")
+    camera.GetClippingRangeAttr().Set(Gf.Vec2f(5, 1))
+    one_warning(render(stage), "/camera", "clippingRange")
+
+
+@pytest.mark.parametrize("name", ["horizontalAperture", "focalLength"])
+@pytest.mark.parametrize("value", [0.0, NAN])
+def test_camera_numbers_that_cannot_be(stage, name, value):
+    stage.GetPrimAtPath("/camera").GetAttribute(name).Set(value)
+    try:
+        image = render(stage)
+    except HdTrapezeError as error:
+        assert "/camera" in str(error) or "camera" in str(error)
+    else:
+        assert np.isfinite(image["color"]).all()
+        assert [w[0] for w in image.warnings] == ["/camera"]
+
+
+def test_lens_without_focus_distance(stage):
+    camera = UsdGeom.Camera.Get(stage, "/camera")
+    camera.GetFStopAttr().Set(2.0)
+    camera.GetFocusDistanceAttr().Set(0.0)
+    image = render(stage)
+    assert [w[0] for w in image.warnings] == ["/camera"]
+    np.testing.assert_array_equal(image.alpha, quad_coverage(*GOOD))
+
+
+def test_empty_stage():
+    stage = new_stage()
+    image = render(stage)
+    assert not image["color"].any()
+    assert len(image.warnings) == 1
+    assert "nothing to render" in image.warnings[0][2]
+
+
+@pytest.mark.parametrize("kind", [UsdGeom.Sphere, UsdGeom.BasisCurves, UsdGeom.Points])
+def test_what_is_not_supported_is_named(stage, kind):
+    kind.Define(stage, "/other")
+    one_warning(render(stage), "/other", "not supported yet")
+
+
+def test_unknown_aov(stage):
+    image_warnings = render_with_unknown_aov(stage)
+    assert len(image_warnings) == 1
+    assert "nonsense" in image_warnings[0][2]
+
+
+def render_with_unknown_aov(stage):
+    options = Options(width=8, height=8, samples=1, aovs=["color", "nonsense"])
+    with Renderer(options) as renderer:
+        renderer.load(stage, 0.0)
+        renderer.render()
+        return list(renderer.log.warnings)
