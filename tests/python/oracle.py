@@ -1,36 +1,64 @@
 """The blur oracle: a render over a shutter is the mean of renders at single times.
 
 Single times are shutters of zero length, so everything is read, diced and traced for that one
-time, and compared with the one render that blurs. Times are stratified at random: one in each of n equal
-parts. Both sides are then unbiased estimates of the same image, and their difference has a
-variance that the spread of the single renders bounds.
+time, and compared with the one render that blurs. Both sides are estimates of the same image. Each
+is made of REPLICATES independent ones, and the spread of these tells how far the two may be
+apart; times are stratified at random, one in each of TIMES equal parts of the shutter.
 """
 
 import numpy as np
 from scenes import render
 
+REPLICATES = 4
+TIMES = 24
 
-def single_times(stage, count=96, shutter=(0.0, 1.0), seed=7, frame=0.0, **settings):
-    """Colors of renders at `count` times: (count, height, width, 4)."""
-    rng = np.random.default_rng(seed)
-    times = (np.arange(count) + rng.random(count)) / count
-    times = shutter[0] + times * (shutter[1] - shutter[0])
-    # A seed of its own for each: their sampling errors must not add up.
-    return np.stack(
+
+def stratified(rng, count):
+    """One random number in each of `count` equal parts of [0, 1)."""
+    return (np.arange(count) + rng.random(count)) / count
+
+
+def estimate(images):
+    """Mean of independent images, and its variance averaged over pixels and channels."""
+    images = np.stack(images)
+    variance = images.var(axis=0, ddof=1).mean() / len(images)
+    return images.mean(axis=0), float(variance)
+
+
+def blurred(stage, samples=64, **settings):
+    """The render that blurs, from independent seeds."""
+    return estimate(
         [
-            render(stage, frame, shutter=(t, t), seed=i, **settings)["color"]
-            for i, t in enumerate(times)
+            render(stage, samples=samples, seed=1000 + i, **settings)["color"]
+            for i in range(REPLICATES)
         ]
     )
 
 
-def disagreement(blurred, singles, samples):
-    """RMS difference of an image of `samples` and the mean of `singles`, and its bound.
+def mean_over(parts, render_one):
+    """The mean of `render_one(part, seed)` over each of REPLICATES lists of parts."""
+    replicates = []
+    for r, replicate in enumerate(parts):
+        images = [render_one(part, r * 1000 + i) for i, part in enumerate(replicate)]
+        replicates.append(np.mean(images, axis=0))
+    return estimate(replicates)
 
-    The bound is what independent samples would give, three standard deviations of them. Stratified
-    ones do better. Below it all differences are noise.
+
+def mean_over_times(stage, **settings):
+    """The mean of renders with shutters of zero length within [0, 1]."""
+    rng = np.random.default_rng(7)
+    return mean_over(
+        [stratified(rng, TIMES) for _ in range(REPLICATES)],
+        lambda t, seed: render(stage, shutter=(t, t), seed=seed, **settings)["color"],
+    )
+
+
+def agree(a, b):
+    """(whether two estimates are of the same image, a sentence with the figures).
+
+    The mean square difference of two independent unbiased estimates is the sum of their
+    variances; it is an average over thousands of values, so twice that is far outside.
     """
-    mean, variance = singles.mean(axis=0), singles.var(axis=0)
-    rms = float(np.sqrt(np.mean((blurred - mean) ** 2)))
-    bound = 3.0 * float(np.sqrt(np.mean(variance) * (1.0 / samples + 1.0 / len(singles)) / 4.0))
-    return rms, bound + 1e-4
+    square = float(np.mean((a[0] - b[0]) ** 2))
+    expected = a[1] + b[1] + 1e-8
+    return square < 2.0 * expected, f"mean square {square:.3g}, expected {expected:.3g}"

@@ -69,7 +69,7 @@ def test_topology_that_contradicts_itself(stage, scheme, counts, indices):
 
 @SCHEMES
 def test_one_bad_face_does_not_hide_the_others_or_warns_for_all(stage, scheme):
-    points = quad_points(-2, -2, 2, 2) + [(0, 0, 0)]
+    points = [*quad_points(-2, -2, 2, 2), (0, 0, 0)]
     add_mesh(stage, "/bad", points, [4, 2], [0, 1, 2, 3, 0, 1], scheme)
     check(stage)
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from oracle import disagreement, single_times
+from oracle import REPLICATES, TIMES, agree, blurred, mean_over, mean_over_times, stratified
 from pxr import Gf, UsdGeom, Vt
 from scenes import (
     add_camera,
@@ -132,10 +132,10 @@ def nested(stage):
 def deform(stage):
     cube = add_cube(stage, half=1.2, color=(1, 0.5, 0.2))
     points = np.array(cube.GetPointsAttr().Get())
-    bent = points * [1.5, 0.6, 1.0] + [1.0, 0.4, 0.0]
+    bent = points * np.array([1.5, 0.6, 1.0]) + np.array([1.0, 0.4, 0.0])
     attribute = cube.GetPointsAttr()
     attribute.Set(Vt.Vec3fArray.FromNumpy(points.astype(np.float32)), 0)
-    attribute.Set(Vt.Vec3fArray.FromNumpy((points + [0, 1.5, 0]).astype(np.float32)), 0.5)
+    attribute.Set(Vt.Vec3fArray.FromNumpy((points + np.array([0, 1.5, 0])).astype(np.float32)), 0.5)
     attribute.Set(Vt.Vec3fArray.FromNumpy(bent.astype(np.float32)), 1)
     return attribute
 
@@ -185,18 +185,14 @@ def authored(name):
 @pytest.mark.parametrize("name", MOTIONS)
 def test_blur_is_the_mean_over_time(name):
     stage, moving = authored(name)
-    blurred = render(stage, shutter=(0, 1), samples=SAMPLES)["color"]
-    singles = single_times(stage)
-    assert singles.var(axis=0).max() > 0.01, "nothing moves, so nothing would be shown"
-    rms, bound = disagreement(blurred, singles, SAMPLES)
-    assert rms < bound, f"{rms} should be below {bound}"
-    # And it can fail: with one key shifted by about half a pixel to two pixels, it does.
+    over_time = mean_over_times(stage)
+    same, figures = agree(blurred(stage, shutter=(0, 1)), over_time)
+    assert same, figures
+    # And it can fail: with one key shifted a little, it does.
     last = moving.GetTimeSamples()[-1]
-    value = moving.Get(last)
-    moving.Set(shifted(value), last)
-    wrong = render(stage, shutter=(0, 1), samples=SAMPLES)["color"]
-    rms, bound = disagreement(wrong, singles, SAMPLES)
-    assert rms > bound, f"a shifted key went unseen: {rms} is below {bound}"
+    moving.Set(shifted(moving.Get(last)), last)
+    same, figures = agree(blurred(stage, shutter=(0, 1)), over_time)
+    assert not same, f"a shifted key went unseen: {figures}"
 
 
 def shifted(value):
@@ -214,18 +210,13 @@ def shifted(value):
 def test_time_window_samples_a_part_of_the_shutter(name):
     # The same over frozen dicing: one render whose samples all have the same time.
     stage, _ = authored(name)
-    blurred = render(stage, shutter=(0, 1), samples=SAMPLES)["color"]
     rng = np.random.default_rng(3)
-    count = 64
-    times = (np.arange(count) + rng.random(count)) / count
-    singles = np.stack(
-        [
-            render(stage, shutter=(0, 1), time_window=(t, t), seed=i)["color"]
-            for i, t in enumerate(times)
-        ]
+    over_time = mean_over(
+        [stratified(rng, TIMES) for _ in range(REPLICATES)],
+        lambda t, seed: render(stage, shutter=(0, 1), time_window=(t, t), seed=seed)["color"],
     )
-    rms, bound = disagreement(blurred, singles, SAMPLES)
-    assert rms < bound
+    same, figures = agree(blurred(stage, shutter=(0, 1)), over_time)
+    assert same, figures
 
 
 def test_defocus_is_the_mean_over_the_lens():
@@ -233,21 +224,21 @@ def test_defocus_is_the_mean_over_the_lens():
     camera = add_camera(stage, fStop=1.0, focusDistance=13.0)
     add_cube(stage, half=1.2, color=(1, 0.5, 0.2))
     add_quad(stage, "/near", -4, -4, -2, -2, z=3)
-    blurred = render(stage, samples=SAMPLES)["color"]
-    count = 96
     rng = np.random.default_rng(5)
-    radius = np.sqrt((np.arange(count) + rng.random(count)) / count)
-    angle = 2.399963 * np.arange(count)  # the golden angle
-    points = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
-    singles = np.stack(
-        [
-            render(stage, lens_point=(float(u), float(v)), seed=i)["color"]
-            for i, (u, v) in enumerate(points)
+
+    def lens_points():
+        radius = np.sqrt(stratified(rng, TIMES))
+        angle = 2.399963 * np.arange(TIMES) + rng.random() * 2 * np.pi  # the golden angle
+        return [
+            (float(r * np.cos(a)), float(r * np.sin(a))) for r, a in zip(radius, angle, strict=True)
         ]
+
+    over_lens = mean_over(
+        [lens_points() for _ in range(REPLICATES)],
+        lambda point, seed: render(stage, lens_point=point, seed=seed)["color"],
     )
-    rms, bound = disagreement(blurred, singles, SAMPLES)
-    assert rms < bound
-    camera.GetFocusDistanceAttr().Set(11.0)
-    wrong = render(stage, samples=SAMPLES)["color"]
-    rms, bound = disagreement(wrong, singles, SAMPLES)
-    assert rms > bound, "a wrong focus went unseen"
+    same, figures = agree(blurred(stage), over_lens)
+    assert same, figures
+    camera.GetFocusDistanceAttr().Set(12.0)
+    same, figures = agree(blurred(stage), over_lens)
+    assert not same, f"a wrong focus went unseen: {figures}"

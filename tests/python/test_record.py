@@ -1,0 +1,357 @@
+"""The command: files, flags, messages and exit codes."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hdtrapeze.cli import main
+from images import exr_header, read_png
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdRender
+from scenes import add_camera, add_cube, add_quad, new_stage, quad_coverage, set_samples
+
+SMALL = ["-w", "40", "--samples", "4", "--filter", "box"]
+
+
+@pytest.fixture
+def scene(tmp_path):
+    """Path of a small stage with a moving quad and the primary camera."""
+    stage = new_stage()
+    stage.SetStartTimeCode(1)
+    stage.SetEndTimeCode(4)
+    add_camera(stage, "/main_cam")
+    quad = add_quad(stage)
+    keys = {1: Gf.Vec3d(0), 3: Gf.Vec3d(2, 0, 0)}
+    set_samples(quad.AddTranslateOp().GetAttr(), keys)
+    path = tmp_path / "scene.usda"
+    stage.GetRootLayer().Export(str(path))
+    return str(path)
+
+
+def run(*arguments):
+    """The exit code of the command, run in this process."""
+    try:
+        return main([str(argument) for argument in arguments])
+    except SystemExit as stop:
+        return stop.code
+
+
+def alpha(path):
+    return read_png(path)[..., 3] / 255.0
+
+
+def test_exr(scene, tmp_path, capsys):
+    out = tmp_path / "out.exr"
+    assert run("record", scene, out, *SMALL, "--seed", 9) == 0
+    header = exr_header(out)
+    assert set(header["channels"]) >= {"R", "G", "B", "A"}
+    assert header["channels"]["R"] == "half"
+    assert header["compression"] == "zip"
+    assert header["dataWindow"] == (0, 0, 39, 39)
+    text = capsys.readouterr()
+    assert "/main_cam" in text.out
+    assert str(out) in text.out
+    assert text.err == ""  # no progress bar, no warnings
+    names = {name.split("/")[-1]: value for name, value in header.items() if "hdtrapeze" in name}
+    assert names["camera"] == "/main_cam"
+    assert names["frame"] == "1"
+    assert names["samples"] == "4"
+    assert names["seed"] == "9"
+    assert names["complete"] == "true"
+    assert names["stage"].endswith("scene.usda")
+    assert json.loads(names["settings"])["filter"] == "box"
+    assert json.loads(names["timings"])["total_seconds"] > 0
+
+
+def test_aovs_and_pixel_types(scene, tmp_path):
+    out = tmp_path / "out.exr"
+    flags = ["--aov", "depth", "--aov", "primId", "--float", "--compression", "piz"]
+    assert run("record", scene, out, *SMALL, *flags) == 0
+    header = exr_header(out)
+    header = header if isinstance(header, dict) else {k: v for p in header for k, v in p.items()}
+    assert header["compression"] == "piz"
+    channels = header["channels"]
+    assert any("depth" in name for name in channels), channels
+    assert any("primId" in name for name in channels), channels
+    assert "half" not in channels.values()
+
+
+def test_png_is_srgb_unless_told_otherwise(scene, tmp_path):
+    out = tmp_path / "out.png"
+    assert run("record", scene, out, *SMALL, "-f", 1) == 0
+    encoded = read_png(out)
+    np.testing.assert_array_equal(encoded[..., 3] / 255.0, quad_coverage(-2, -2, 2, 2))
+    assert run("record", scene, out, *SMALL, "-color", "disabled") == 0
+    linear = read_png(out)
+    value = 15000 * 2 * (1 - np.cos(np.radians(0.53 / 2)))
+    assert linear[20, 20, 0] == pytest.approx(255 * value, abs=1)
+    assert encoded[20, 20, 0] == pytest.approx(255 * (1.055 * value ** (1 / 2.4) - 0.055), abs=1)
+
+
+def test_frames(scene, tmp_path, capsys):
+    assert run("record", scene, tmp_path / "f.##.png", *SMALL, "--frames", "1:3") == 0
+    for frame, x in ((1, 0), (2, 1), (3, 2)):
+        np.testing.assert_array_equal(
+            alpha(tmp_path / f"f.{frame:02}.png"), quad_coverage(x - 2, -2, x + 2, 2)
+        )
+    assert len(capsys.readouterr().out.splitlines()) == 4
+    assert run("record", scene, tmp_path / "g.#.#.png", *SMALL, "-f", "1:2x0.5") == 0
+    assert {p.name for p in tmp_path.glob("g.*")} == {"g.1.0.png", "g.1.5.png", "g.2.0.png"}
+
+
+def test_first_frame_is_the_stages_and_default_time_is_apart(scene, tmp_path):
+    out = tmp_path / "a.png"
+    assert run("record", scene, out, *SMALL) == 0
+    np.testing.assert_array_equal(alpha(out), quad_coverage(-2, -2, 2, 2))
+    assert run("record", scene, out, *SMALL, "--defaultTime") == 0
+    np.testing.assert_array_equal(alpha(out), quad_coverage(-2, -2, 2, 2))
+
+
+def test_shutter_flags(scene, tmp_path):
+    out = tmp_path / "a.png"
+    assert run("record", scene, out, *SMALL, "--shutter", 0, 2) == 0
+    soft = alpha(out)
+    assert ((soft > 0) & (soft < 1)).sum() > 50
+    assert run("record", scene, out, *SMALL, "--shutter", 1, 2, "--no-motion-blur") == 0
+    np.testing.assert_array_equal(alpha(out), quad_coverage(-1, -2, 3, 2))
+
+
+def test_mask_session_layer_and_purposes(scene, tmp_path):
+    out = tmp_path / "a.png"
+    assert run("record", scene, out, *SMALL, "--mask", "/main_cam") == 0
+    assert not alpha(out).any()
+    session = Sdf.Layer.CreateNew(str(tmp_path / "session.usda"))
+    session.ImportFromString(
+        '#usda 1.0\nover "quad" { token purpose = "render"\n token visibility = "inherited" }\n'
+    )
+    session.Save()
+    flags = ["--sessionLayer", session.realPath]
+    assert run("record", scene, out, *SMALL, *flags) == 0
+    assert not alpha(out).any()
+    assert run("record", scene, out, *SMALL, *flags, "--purposes", "render,guide") == 0
+    assert alpha(out).any()
+
+
+def test_crop_in_pixels_and_fractions(scene, tmp_path):
+    a, b = tmp_path / "a.png", tmp_path / "b.png"
+    assert run("record", scene, a, *SMALL, "--crop", 10, 0, 20, 40) == 0
+    assert run("record", scene, b, *SMALL, "--crop", "0.25", "0.0", "0.5", "1.0") == 0
+    np.testing.assert_array_equal(read_png(a), read_png(b))
+    expected = quad_coverage(-2, -2, 2, 2)
+    expected[:, 20:] = 0
+    np.testing.assert_array_equal(alpha(a), expected)
+
+
+def test_render_settings(scene, tmp_path, capsys):
+    stage = Usd.Stage.Open(scene)
+    add_camera(stage, "/other", horizontalAperture=40.0)
+    settings = UsdRender.Settings.Define(stage, "/Render/settings")
+    settings.CreateCameraRel().SetTargets([Sdf.Path("/other")])
+    settings.CreateResolutionAttr(Gf.Vec2i(60, 30))
+    product = UsdRender.Product.Define(stage, "/Render/product")
+    settings.CreateProductsRel().SetTargets([product.GetPath()])
+    render_pass = UsdRender.Pass.Define(stage, "/Render/pass")
+    render_pass.CreateRenderSourceRel().SetTargets([settings.GetPath()])
+    path = tmp_path / "settings.usda"
+    stage.GetRootLayer().Export(str(path))
+    out = tmp_path / "a.png"
+    for flags in (["-rs", "/Render/settings"], ["-rp", "/Render/pass"]):
+        assert run("record", path, out, "--samples", 1, *flags) == 0
+        text = capsys.readouterr()
+        assert "/other" in text.out
+        assert "warning: /Render/settings: render products" in text.err
+        assert read_png(out).shape == (30, 60, 4)
+    assert run("record", path, out, "--samples", 1, "-rs", "/Render/settings", "-w", 20) == 0
+    assert read_png(out).shape == (10, 20, 4)
+    assert run("record", path, out, "--samples", 1, "-rs", "/Render/none") == 1
+    assert "/Render/none" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("flags", "words"),
+    [
+        (["--samples", "0"], "Samples"),
+        (["--samples", "many"], "--samples"),
+        (["--shutter", "0.5", "0.1"], "before it opens"),
+        (["--shutter", "0.5"], "--shutter"),
+        (["--renderer", "Storm"], "one renderer, Trapeze"),
+        (["-color", "openColorIO"], "openColorIO is not supported yet"),
+        (["--filter", "sharp"], "--filter"),
+        (["--crop", "10", "10", "5", "5"], "crop"),
+        (["--purposes", "everything"], "everything"),
+        (["--sampels", "4"], "Did you mean --samples?"),
+        (["--frames", "soon"], "not a frame range"),
+        (["--frames", "1:5"], "placeholder"),
+        (["-d", "-f", "1"], "not allowed with"),
+        (["-w", "0"], "width"),
+        (["--shading-rate", "0"], "shading rate"),
+        (["--disableGpu", "--backend", "gpu"], "contradict"),
+        (["--camera", "a b"], "--camera"),
+        (["--mask", "nonsense"], "--mask"),
+    ],
+)
+def test_wrong_flags_are_usage_errors(scene, tmp_path, capsys, flags, words):
+    assert run("record", scene, tmp_path / "a.exr", *flags) == 2
+    text = capsys.readouterr().err
+    assert words in text
+    assert "Traceback" not in text
+    assert not (tmp_path / "a.exr").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [("a.jpg", "must end in .exr or .png"), ("a", "must end"), ("a.##.exr", "--frames")],
+)
+def test_wrong_outputs_are_usage_errors(scene, tmp_path, capsys, name, words):
+    assert run("record", scene, tmp_path / name) == 2
+    assert words in capsys.readouterr().err
+
+
+def test_png_holds_no_aovs(scene, tmp_path, capsys):
+    assert run("record", scene, tmp_path / "a.png", "--aov", "depth") == 2
+    assert "only color" in capsys.readouterr().err
+
+
+def test_unknown_aov_is_a_usage_error(scene, tmp_path, capsys):
+    assert run("record", scene, tmp_path / "a.exr", "--aov", "dpeth") == 2
+    text = capsys.readouterr().err
+    assert "dpeth" in text
+    assert "Did you mean depth?" in text
+
+
+def test_files_that_are_not_there_or_broken(scene, tmp_path, capsys):
+    out = tmp_path / "a.exr"
+    assert run("record", tmp_path / "none.usda", out) == 3
+    assert "none.usda does not exist" in capsys.readouterr().err
+    broken = tmp_path / "broken.usda"
+    broken.write_text('#usda 1.0\ndef Mesh "x" {{{')
+    assert run("record", broken, out) == 3
+    assert "broken.usda cannot be read" in capsys.readouterr().err
+    garbage = tmp_path / "garbage.usdc"
+    garbage.write_bytes(os.urandom(100))
+    assert run("record", garbage, out) == 3
+    assert "garbage.usdc" in capsys.readouterr().err
+    other = tmp_path / "other.txt"
+    other.write_text("hello")
+    assert run("record", other, out) == 3
+    assert "not a file that USD can read" in capsys.readouterr().err
+    assert run("record", scene, out, "--sessionLayer", tmp_path / "no.usda") == 3
+    assert run("record", scene, tmp_path / "no" / "a.exr") == 3
+    assert "does not exist" in capsys.readouterr().err
+    assert not out.exists()
+
+
+def test_cameras_that_are_not_there(scene, tmp_path, capsys):
+    assert run("record", scene, tmp_path / "a.exr", "--camera", "/nobody") == 1
+    assert "/nobody" in capsys.readouterr().err
+    assert run("record", scene, tmp_path / "a.exr", "-cam", "/quad") == 1
+    assert "it is a Mesh" in capsys.readouterr().err
+
+
+def test_empty_stage(tmp_path, capsys):
+    path = tmp_path / "empty.usda"
+    path.write_text("#usda 1.0\n")
+    assert run("record", path, tmp_path / "a.png", *SMALL) == 0
+    assert "warning: the stage has nothing to render" in capsys.readouterr().err
+    assert not read_png(tmp_path / "a.png").any()
+
+
+def test_warnings_and_abort_on_error(tmp_path, capsys):
+    stage = new_stage()
+    add_camera(stage, "/main_cam")
+    add_quad(stage).GetFaceVertexIndicesAttr().Set([0, 1, 2, 9])
+    UsdGeom.Sphere.Define(stage, "/ball")
+    path = tmp_path / "bad.usda"
+    stage.GetRootLayer().Export(str(path))
+    out = tmp_path / "a.##.png"
+    assert run("record", path, out, *SMALL, "-f", "1:3") == 0
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 2, lines  # once, not once a frame
+    assert any(line.startswith("warning: /quad: ") for line in lines)
+    assert "warning: /ball: Sphere is not supported yet" in lines
+    assert run("record", path, tmp_path / "b.png", *SMALL, "--quiet") == 0
+    text = capsys.readouterr()
+    assert text.err == ""
+    assert text.out == ""
+    assert run("record", path, tmp_path / "c.png", *SMALL, "--abortOnError") == 1
+    assert not (tmp_path / "c.png").exists()
+
+
+def test_explain_verbose_memory_and_trace(scene, tmp_path, capsys):
+    out, trace = tmp_path / "a.exr", tmp_path / "trace.json"
+    flags = ["--explain", "--verbose", "--memstats", "--traceToFile", trace]
+    assert run("record", scene, out, *SMALL, "--shutter", 0, 1, *flags) == 0
+    text = capsys.readouterr().out
+    assert "/quad" in text  # explain names who calls for motion
+    assert "micropolygons" in text
+    assert "Peak memory" in text
+    events = json.loads(trace.read_text())["traceEvents"]
+    names = {event["name"] for event in events}
+    assert {"open stage", "read stage", "render", "write", "frame"} <= names
+    assert all(event["ph"] == "X" and event["dur"] >= 0 for event in events)
+    text_trace = tmp_path / "trace.txt"
+    flags = ["--traceToFile", text_trace, "--traceFormat", "trace"]
+    assert run("record", scene, out, *SMALL, *flags) == 0
+    assert "open stage" in text_trace.read_text()
+
+
+def test_a_failed_write_leaves_the_good_file(scene, tmp_path, capsys):
+    out = tmp_path / "a.exr"
+    assert run("record", scene, out, *SMALL) == 0
+    before = out.read_bytes()
+    if os.geteuid() == 0:
+        # Root may write anywhere, so let the temporary file's name be too long instead.
+        folder = tmp_path
+        out = folder / ("x" * 300 + ".exr")
+        assert run("record", scene, out, *SMALL) == 3
+    else:
+        tmp_path.chmod(0o500)
+        assert run("record", scene, out, *SMALL) == 3
+        tmp_path.chmod(0o700)
+    assert "error: " in capsys.readouterr().err
+    assert (tmp_path / "a.exr").read_bytes() == before
+    assert {p.suffix for p in tmp_path.iterdir()} == {".exr", ".usda"}
+
+
+def test_help_and_version(capsys):
+    assert run("--version") == 0
+    assert capsys.readouterr().out.startswith("hdtrapeze 0.")
+    assert run("record", "--help") == 0
+    text = capsys.readouterr().out
+    assert "exit codes" in text
+    assert "130" in text
+    assert run() == 2
+    assert run("recrod") == 2
+
+
+@pytest.mark.parametrize("stop", [signal.SIGINT, signal.SIGTERM])
+def test_interrupted_render_keeps_what_it_had(tmp_path, stop):
+    stage = new_stage()
+    add_camera(stage, "/main_cam")
+    add_cube(stage)
+    path, out = tmp_path / "scene.usda", tmp_path / "out.exr"
+    stage.GetRootLayer().Export(str(path))
+    out.write_bytes(b"a good file")
+    process = subprocess.Popen(
+        [sys.executable, "-m", "hdtrapeze", "record", str(path), str(out)]
+        + ["-w", "200", "--samples", "1000000"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout.readline().startswith("Camera:")
+    time.sleep(2.0)
+    process.send_signal(stop)
+    _, messages = process.communicate(timeout=30)
+    assert process.returncode == {signal.SIGINT: 130, signal.SIGTERM: 143}[stop]
+    assert "Traceback" not in messages
+    assert out.read_bytes() == b"a good file"
+    partial = Path(tmp_path / "out.partial.exr")
+    assert str(partial) in messages
+    header = exr_header(partial)
+    assert header["hdtrapeze/complete"] == "false"
