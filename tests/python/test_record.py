@@ -338,8 +338,7 @@ def test_interrupted_render_keeps_what_it_had(tmp_path, stop):
     stage.GetRootLayer().Export(str(path))
     out.write_bytes(b"a good file")
     process = subprocess.Popen(
-        [sys.executable, "-m", "hdtrapeze", "record", str(path), str(out)]
-        + ["-w", "200", "--samples", "1000000"],
+        [sys.executable, "-m", "hdtrapeze", "record", path, out, "-w200", "--samples=1000000"],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

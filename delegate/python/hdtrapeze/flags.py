@@ -6,7 +6,7 @@ import re
 import sys
 
 from . import errors
-from .options import BACKENDS, FILTERS
+from .options import AOVS, BACKENDS, FILTERS
 
 COMPLEXITIES = {"low": 1.0, "medium": 0.7, "high": 0.5, "veryhigh": 0.25}
 """Factor on the shading rate. Subdivision surfaces are limit surfaces at every complexity."""
@@ -172,8 +172,7 @@ def _add_output_flags(group) -> None:
         action="append",
         default=[],
         metavar="NAME",
-        help="also write this AOV to the EXR (repeatable): depth, cameraDepth, P, normal, Neye, "
-        "primId, instanceId, elementId, and others that --explain lists",
+        help=f"also write this AOV to the EXR (repeatable): {', '.join(AOVS[1:])}",
     )
     pixels = group.add_mutually_exclusive_group()
     pixels.add_argument("--half", action="store_true", help="16-bit EXR pixels (default)")

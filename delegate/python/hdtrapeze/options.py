@@ -17,6 +17,22 @@ WINDOW_POLICIES = {
     "crop": "CROP",
     "dontConform": "DONT_CONFORM",
 }
+AOVS = (
+    "color",
+    "depth",
+    "cameraDepth",
+    "P",
+    "normal",
+    "Neye",
+    "primId",
+    "instanceId",
+    "elementId",
+    "motionVectors",
+    "sampleCount",
+    "cost",
+)
+"""AOVs that the renderer knows; it warns about others."""
+
 BACKENDS = {"auto": "AUTO", "cpu": "CPU", "gpu": "GPU"}
 
 

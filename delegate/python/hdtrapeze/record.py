@@ -4,6 +4,7 @@ Everything that can be checked is checked before the first ray: flags, the stage
 output's folder and format. A frame is written under its name only once it is complete.
 """
 
+import difflib
 import json
 import os
 import resource
@@ -20,7 +21,7 @@ from .flags import COMPLEXITIES
 from .frames import OutputPath, parse_frames
 from .log import SceneLog
 from .native import version
-from .options import Options
+from .options import AOVS, Options
 from .progress import ProgressBar
 from .render import Renderer
 from .stage import find_render_settings, open_stage
@@ -206,6 +207,11 @@ def make_options(args) -> Options:
         )
     if args.disableGpu and args.backend == "gpu":
         raise UsageError("--disableGpu and --backend gpu contradict each other.")
+    for name in args.aov:
+        if name not in AOVS:
+            near = difflib.get_close_matches(name, AOVS, 1, 0.5)
+            hint = f"Did you mean {near[0]}?" if near else f"Known are {', '.join(AOVS)}."
+            raise UsageError(f"--aov: there is no AOV {name}. {hint}")
     aovs = ["color", *args.aov]
     return Options(
         width=960 if args.imageWidth is None else args.imageWidth,
