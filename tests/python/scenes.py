@@ -96,8 +96,10 @@ class Image(dict):
 
 
 def render(stage, frame=0.0, aovs=("color",), width=SIZE, height=SIZE, **settings):
-    """One frame with a box filter and few samples, unless said otherwise."""
+    """One frame through /camera with a box filter and few samples, unless said otherwise."""
     settings = {"samples": 4, "filter": "box"} | settings
+    if "camera" not in settings and stage.GetPrimAtPath("/camera"):
+        settings["camera"] = "/camera"
     options = Options(width=width, height=height, aovs=list(aovs), **settings)
     with Renderer(options) as renderer:
         renderer.load(stage, frame)

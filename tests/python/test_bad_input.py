@@ -287,7 +287,7 @@ def test_unknown_aov(stage):
 
 
 def render_with_unknown_aov(stage):
-    options = Options(width=8, height=8, samples=1, aovs=["color", "nonsense"])
+    options = Options(width=8, height=8, samples=1, camera="/camera", aovs=["color", "nonsense"])
     with Renderer(options) as renderer:
         renderer.load(stage, 0.0)
         renderer.render()

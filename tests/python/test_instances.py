@@ -37,7 +37,9 @@ def native(instanceable, moving=False, color=None):
 
 @pytest.mark.parametrize("moving", [False, True])
 def test_native_instances(moving):
-    settings = {"aovs": IDS, "samples": 64, "shutter": (0, 1) if moving else None}
+    # Shared and written out they are diced at different rates, so at fine ones.
+    settings = {"aovs": IDS, "samples": 64, "shading_rate": 0.25}
+    settings["shutter"] = (0, 1) if moving else None
     shared = render(native(True, moving), **settings)
     flat = render(native(False, moving), **settings)
     assert shared.statistics["instances"] >= 3
@@ -148,8 +150,9 @@ def test_velocities_of_point_instances():
     add_camera(stage)
     instancer = point_instancer(stage)
     instancer.CreateProtoIndicesAttr([0])
-    instancer.CreatePositionsAttr([(-2, 0, 0)])
-    instancer.CreateVelocitiesAttr([(96, 0, 0)])  # units a second; 24 time codes a second
+    # Velocities move time samples; units a second, 24 time codes a second.
+    instancer.CreatePositionsAttr().Set([(-2, 0, 0)], 0)
+    instancer.CreateVelocitiesAttr().Set([(96, 0, 0)], 0)
     alpha = render(stage, shutter=(0, 1), samples=64).alpha
     columns = np.flatnonzero(alpha[20])
     assert columns.min() == 10

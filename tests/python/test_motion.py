@@ -38,7 +38,8 @@ def moving_stage(level="own"):
                 Vt.Vec3fArray([Gf.Vec3f(*map(float, p)) for p in points]), time
             )
     elif level == "velocities":
-        quad.CreateVelocitiesAttr(Vt.Vec3fArray([Gf.Vec3f(MOVE) * 24] * 4))
+        quad.GetPointsAttr().Set(quad.GetPointsAttr().Get(), 0)
+        quad.CreateVelocitiesAttr().Set(Vt.Vec3fArray([Gf.Vec3f(MOVE) * 24] * 4), 0)
     elif level == "camera":
         keys = {time: -value for time, value in keys.items()}
         set_samples(camera.AddTranslateOp(opSuffix="move").GetAttr(), keys)
@@ -156,12 +157,10 @@ def camera_turns(stage):
 
 
 def camera_and_object(stage):
-    UsdGeom.Camera.Get(stage, "/camera")
-    camera_moves(stage)
+    moving = camera_moves(stage)
     cube = UsdGeom.Xformable.Get(stage, "/cube")
-    op = cube.AddRotateYOp()
-    set_samples(op.GetAttr(), {0: 0.0, 1: 70.0})
-    return op.GetAttr()
+    set_samples(cube.AddRotateYOp().GetAttr(), {0: 0.0, 1: 70.0})
+    return moving
 
 
 MOTIONS = {

@@ -52,7 +52,9 @@ def test_crop_is_part_of_the_whole(stage, crop):
 
 
 def test_frames_one_after_another_are_the_frames_alone(stage):
-    options = Options(width=40, height=40, samples=4, filter="box", aovs=list(AOVS))
+    options = Options(
+        width=40, height=40, samples=4, filter="box", camera="/camera", aovs=list(AOVS)
+    )
     with Renderer(options) as renderer:
         for frame in (0.0, 2.0, 1.0):
             renderer.load(stage, frame)
@@ -64,7 +66,7 @@ def test_frames_one_after_another_are_the_frames_alone(stage):
 
 
 def test_edits_of_the_stage_are_seen(stage):
-    options = Options(width=40, height=40, samples=4, filter="box")
+    options = Options(width=40, height=40, samples=4, filter="box", camera="/camera")
     with Renderer(options) as renderer:
         renderer.load(stage, 0.0)
         renderer.render()
@@ -87,7 +89,7 @@ def test_more_samples_go_to_the_same_image(stage):
 
 
 def test_rays_through_the_c_abi(stage):
-    with Renderer(width=40, height=40) as renderer:
+    with Renderer(width=40, height=40, camera="/camera") as renderer:
         renderer.load(stage, 0.0)
         renderer.commit()
         rays = np.array(

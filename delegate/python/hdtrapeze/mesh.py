@@ -113,10 +113,10 @@ def read_points(mesh: UsdGeom.PointBased, shutter: Shutter, topology_varies: boo
     """
     attribute = mesh.GetPointsAttr()
     varies = attribute.ValueMightBeTimeVarying()
+    moved = _by_velocities(mesh, shutter)
+    if moved:
+        return moved
     if shutter.moves:
-        moved = _by_velocities(mesh, shutter)
-        if moved:
-            return moved
         samples = bracketing_samples(attribute, shutter)
         if samples:
             arrays = [_array(attribute.Get(Usd.TimeCode(time))) for time in samples]
@@ -129,13 +129,13 @@ def read_points(mesh: UsdGeom.PointBased, shutter: Shutter, topology_varies: boo
 
 def _by_velocities(mesh: UsdGeom.PointBased, shutter: Shutter) -> Points | None:
     velocities = mesh.GetVelocitiesAttr()
-    if not velocities.HasAuthoredValue():
+    if shutter.frame is None or not velocities.HasAuthoredValue():
         return None
     value, points = velocities.Get(shutter.time), mesh.GetPointsAttr().Get(shutter.time)
     if value is None or points is None or len(value) != len(points) or not len(points):
         return None  # USD ignores velocities that do not fit
-    times = [shutter.open, shutter.close]
-    if mesh.GetAccelerationsAttr().HasAuthoredValue():
+    times = [shutter.open, shutter.close] if shutter.moves else [shutter.open]
+    if shutter.moves and mesh.GetAccelerationsAttr().HasAuthoredValue():
         times = list(np.linspace(shutter.open, shutter.close, 5))
     arrays = [_array(mesh.ComputePointsAtTime(shutter.code(time), shutter.time)) for time in times]
     return Points(times, arrays, True)
