@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from hdtrapeze import HdTrapezeError, Options, Renderer
-from pxr import Gf, UsdGeom, Vt
+from pxr import Gf, Sdf, UsdGeom, Vt
 from scenes import (
     add_camera,
     add_cube,
@@ -86,6 +86,25 @@ def test_a_mesh_with_nothing_is_silent(stage, scheme):
     UsdGeom.Mesh.Define(stage, "/unset")
     image = render(stage)
     assert image.warnings == []
+    np.testing.assert_array_equal(image.alpha, quad_coverage(*GOOD))
+
+
+def test_attributes_of_another_type(stage):
+    for name, kind, value in (
+        ("points", Sdf.ValueTypeNames.IntArray, Vt.IntArray([1, 2, 3])),
+        ("faceVertexIndices", Sdf.ValueTypeNames.StringArray, Vt.StringArray(["a"])),
+        ("faceVertexCounts", Sdf.ValueTypeNames.Float3Array, Vt.Vec3fArray([(1, 2, 3)])),
+    ):
+        mesh = add_quad(stage, f"/bad_{name}")
+        mesh.GetPrim().RemoveProperty(name)
+        spec = stage.GetRootLayer().GetPrimAtPath(mesh.GetPath())
+        Sdf.AttributeSpec(spec, name, kind).default = value
+    image = render(stage)
+    assert {w[0] for w in image.warnings} == {
+        "/bad_points",
+        "/bad_faceVertexIndices",
+        "/bad_faceVertexCounts",
+    }
     np.testing.assert_array_equal(image.alpha, quad_coverage(*GOOD))
 
 

@@ -206,3 +206,18 @@ def test_wrong_point_instancers_give_one_warning():
     image = render(stage)
     assert [w[0] for w in image.warnings] == ["/instancer"]
     assert image.alpha.sum() == 32
+
+
+@pytest.mark.parametrize("specifier", [Sdf.SpecifierOver, Sdf.SpecifierClass])
+def test_prototypes_below_an_over_or_a_class(specifier):
+    stage = new_stage()
+    add_camera(stage)
+    instancer = UsdGeom.PointInstancer.Define(stage, "/instancer")
+    add_quad(stage, "/library/quad", -0.5, -0.5, 0.5, 0.5)
+    stage.GetPrimAtPath("/library").SetSpecifier(specifier)
+    instancer.CreatePrototypesRel().SetTargets([Sdf.Path("/library")])
+    instancer.CreateProtoIndicesAttr([0])
+    instancer.CreatePositionsAttr([(2, 2, 0)])
+    image = render(stage)
+    assert image.alpha.sum() == 16
+    assert image.alpha[pixel(2.1, 2.1)] == 1

@@ -53,7 +53,15 @@ pub fn check(
     warnings: &mut Vec<Warning>,
 ) -> Option<CheckedMesh> {
     let authored = &*mesh.topology;
-    if authored.face_vertex_counts.is_empty() || mesh.points.points.iter().all(|p| p.is_empty()) {
+    if authored.face_vertex_counts.is_empty() {
+        return None;
+    }
+    if mesh.points.points.iter().all(|p| p.is_empty()) {
+        let text = format!(
+            "{} faces but no points; dropped",
+            authored.face_vertex_counts.len()
+        );
+        warnings.push(Warning::new(path, Code::Topology, text));
         return None;
     }
     let needed = authored
@@ -97,6 +105,16 @@ pub fn check(
     let lost = authored.creases.len() - creases.len() + authored.corners.len() - corners.len();
     if lost > 0 {
         let text = format!("{lost} creases or corners have bad indices or sharpness; ignored");
+        warnings.push(Warning::new(path, Code::Topology, text));
+    }
+    let faces = authored.face_vertex_counts.len();
+    let lost = authored
+        .holes
+        .iter()
+        .filter(|&&h| h as usize >= faces)
+        .count();
+    if lost > 0 {
+        let text = format!("{lost} holeIndices are not among the {faces} faces; ignored");
         warnings.push(Warning::new(path, Code::Topology, text));
     }
     let new_face: std::collections::HashMap<u32, u32> = kept
@@ -361,6 +379,14 @@ mod tests {
     fn empty_is_silent() {
         let (out, warnings) = run(&quads(&[], &[], vec![]));
         assert!(out.is_none() && warnings.is_empty());
+    }
+
+    #[test]
+    fn faces_without_points_are_not() {
+        let (out, warnings) = run(&quads(&[4], &[0, 1, 4, 3], vec![]));
+        assert!(out.is_none());
+        assert_eq!(warnings.len(), 1);
+        assert_eq!(warnings[0].code, Code::Topology);
     }
 
     #[test]

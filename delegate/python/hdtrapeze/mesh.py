@@ -101,7 +101,10 @@ def read_topology(mesh: UsdGeom.Mesh, shutter: Shutter, log: SceneLog) -> Topolo
     for name, (attribute, dtype) in arrays.items():
         value = attribute.Get(shutter.time)
         if value is not None:
-            setattr(topology, name, np.ascontiguousarray(value, dtype=dtype))
+            array = np.ascontiguousarray(value, dtype=dtype)
+            if array.ndim != 1:
+                raise ValueError("not an array of numbers")
+            setattr(topology, name, array)
     return topology
 
 
@@ -144,4 +147,7 @@ def _by_velocities(mesh: UsdGeom.PointBased, shutter: Shutter) -> Points | None:
 def _array(value) -> np.ndarray:
     if value is None:
         return np.zeros((0, 3), dtype=np.float32)
-    return np.ascontiguousarray(value, dtype=np.float32).reshape(-1, 3)
+    array = np.ascontiguousarray(value, dtype=np.float32)
+    if array.size and (array.ndim != 2 or array.shape[1] != 3):
+        raise ValueError("not an array of triples")
+    return array.reshape(-1, 3)

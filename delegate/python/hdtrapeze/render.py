@@ -78,7 +78,7 @@ class Renderer:
         )
         self.camera = state
         self._scene.sync(stage, shutter, transforms)
-        if not self._scene.mesh_count:
+        if not (self._scene.mesh_count or self._scene.has_hidden or self.log.warnings):
             self.log.warn("", "empty", "the stage has nothing to render for the purposes asked for")
         if self._camera_id is None:
             self._camera_id = self.session.create_camera(state.path or "/framing_camera")

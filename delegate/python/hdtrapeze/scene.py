@@ -58,6 +58,8 @@ class SceneSync:
         self._next_pick_id = 0
         self.prim_paths: dict[int, str] = {}
         """Prim path of each primId."""
+        self.has_hidden = False
+        """Whether the last walk met anything invisible or empty."""
 
     @property
     def mesh_count(self) -> int:
@@ -75,6 +77,7 @@ class SceneSync:
         self._shutter = shutter
         self._transforms = transforms
         self._seen: set[str] = set()
+        self.has_hidden = False
         self._ignored = {"lights": 0, "materials": 0}
         self._walk(stage.GetPseudoRoot(), "default", _Place())
         for key in self._sent.keys() - self._seen:
@@ -93,6 +96,11 @@ class SceneSync:
     def _walk(self, root: Usd.Prim, purpose: str, place: _Place) -> None:
         """Emits the subtree of `root`; native instances in it are gathered and come last."""
         groups: dict[tuple, list] = {}
+        predicate = Usd.PrimDefaultPredicate
+        if not predicate(root):
+            # Prototypes of point instancers may be classes, or below an `over`.
+            predicate = Usd.PrimIsActive & Usd.PrimIsLoaded
+        predicate = Usd.TraverseInstanceProxies(predicate)
         stack = [(root, purpose, None)]
         while stack:
             prim, purpose, instance = stack.pop()
@@ -100,6 +108,7 @@ class SceneSync:
             if imageable:
                 visibility = imageable.GetVisibilityAttr().Get(self._shutter.time)
                 if visibility == UsdGeom.Tokens.invisible:
+                    self.has_hidden = True
                     continue
                 if imageable.GetPurposeAttr().HasAuthoredValue():
                     purpose = imageable.GetPurposeAttr().Get()
@@ -109,7 +118,7 @@ class SceneSync:
                 self._ignored["materials"] += 1
                 continue
             below = prim if prim.IsInstance() else instance
-            children = prim.GetFilteredChildren(Usd.TraverseInstanceProxies())
+            children = prim.GetFilteredChildren(predicate)
             stack += [(child, purpose, below) for child in reversed(children)]
         for key, members in groups.items():
             self._emit_group(key, members, place)
@@ -226,8 +235,13 @@ class SceneSync:
         shutter = self._shutter
         if prim.IsA(UsdGeom.Mesh):
             mesh = UsdGeom.Mesh(prim)
-            topology = read_topology(mesh, shutter, self._log)
-            points = read_points(mesh, shutter, topology.varies)
+            try:
+                topology = read_topology(mesh, shutter, self._log)
+                points = read_points(mesh, shutter, topology.varies)
+            except (TypeError, ValueError, OverflowError):
+                text = "points or topology have another type than USD's schema says; not rendered"
+                self._log.warn(prim.GetPath(), "type", text)
+                return None
             if UsdSkel.BindingAPI(prim).GetJointIndicesAttr().HasAuthoredValue():
                 text = "skinning is not supported yet: the rest shape is rendered"
                 self._log.warn(prim.GetPath(), "unsupported-skinning", text)
@@ -236,7 +250,8 @@ class SceneSync:
         else:
             topology, points = read_plane(UsdGeom.Plane(prim), shutter)
         if not topology.face_vertex_counts.size and not any(a.size for a in points.arrays):
-            return None  # a mesh without faces and points: nothing to say, nothing to draw
+            self.has_hidden = True  # nothing to say, nothing to draw
+            return None
         new = sent is None
         if new:
             sent = _Sent(self._session.create_mesh(str(prim.GetPath())), primvars_vary=True)
