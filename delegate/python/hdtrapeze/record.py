@@ -174,7 +174,7 @@ def write(renderer, path: str, kind: str, args, frame: float | None, complete: b
 
 
 def metadata(renderer, args, frame: float | None, complete: bool) -> dict[str, str]:
-    """What an EXR says about its making."""
+    """What an EXR says about its making, besides what the renderer adds (samples, shutter...)."""
     options = vars(renderer.options)
     statistics = renderer.statistics()
     timings = {k: round(v, 6) for k, v in statistics.items() if k.endswith("_seconds")}
@@ -184,9 +184,6 @@ def metadata(renderer, args, frame: float | None, complete: bool) -> dict[str, s
         "hdtrapeze/stage": str(Path(args.usdFilePath).resolve()),
         "hdtrapeze/camera": state.path or "framing the bounds",
         "hdtrapeze/frame": "default" if frame is None else f"{frame:.10g}",
-        "hdtrapeze/shutter": f"{state.shutter[0]:.10g} {state.shutter[1]:.10g}",
-        "hdtrapeze/samples": str(options["samples"]),
-        "hdtrapeze/seed": str(options["seed"]),
         "hdtrapeze/settings": json.dumps(options),
         "hdtrapeze/timings": json.dumps(timings),
         "hdtrapeze/complete": "true" if complete else "false",
@@ -269,9 +266,13 @@ def _output_kind(args, output: OutputPath) -> str:
     if kind == "PNG" and args.aov:
         raise UsageError("A PNG holds only color: write an .exr for --aov.")
     folder = path.parent
-    if not folder.is_dir():
+    try:
+        found, taken = folder.is_dir(), path.is_dir()
+    except OSError as error:
+        raise OutputError(f"{path} cannot be written: {error.strerror}.") from None
+    if not found:
         raise OutputError(f"The folder {folder} does not exist.")
-    if path.is_dir():
+    if taken:
         raise OutputError(f"{path} is a folder.")
     if not os.access(folder, os.W_OK):
         raise OutputError(f"The folder {folder} is not writable.")
