@@ -48,6 +48,8 @@ pub(crate) mod ffi {
         key: u64,
         /// Vertices of the face.
         face_size: i32,
+        /// Control points: the first patch points.
+        control_count: i32,
         /// Patch points.
         point_count: i32,
     }
@@ -71,8 +73,8 @@ pub(crate) mod ffi {
         /// One face's surface for one kind of data.
         type Patch;
         fn make_patch() -> UniquePtr<Patch>;
-        /// Prepares patch points: `values` are `size` floats a value, `channel` is a face-varying
-        /// channel, or -1 for vertex data.
+        /// Makes a face's surface and gathers its control points: `values` are `size` floats a value,
+        /// `channel` is a face-varying channel, or -1 for vertex data.
         fn bind(
             self: Pin<&mut Patch>,
             mesh: &Mesh,
@@ -86,6 +88,8 @@ pub(crate) mod ffi {
         fn signature(self: &Patch) -> &[f32];
         /// Patch points of the bound face, `size` floats each.
         fn points(self: &Patch) -> &[f32];
+        /// Derives the patch points that follow the control points; needed before `evaluate`.
+        fn complete(self: Pin<&mut Patch>) -> Result<()>;
         /// Evaluates at `uv` (pairs, in the library's parameterization), with first derivatives
         /// where asked; one library call a point.
         fn evaluate(self: Pin<&mut Patch>, uv: &[f32], derivatives: bool) -> Result<()>;
@@ -102,6 +106,8 @@ pub(crate) mod ffi {
         fn make_weights(mesh: &Mesh, face: i32, channel: i32) -> Result<UniquePtr<Weights>>;
         /// The weight of every patch point at (u, v).
         fn at(self: Pin<&mut Weights>, u: f64, v: f64) -> Result<&[f64]>;
+        /// The weight of every control point in every patch point, a row a patch point.
+        fn stencils(self: Pin<&mut Weights>) -> Result<&[f64]>;
     }
 }
 

@@ -1,7 +1,7 @@
 //! [`OsdEvaluator`]: one thread's view of an [`OsdSurface`].
 //!
-//! Binding a face makes the library gather the control points of all keys side by side and derive
-//! the remaining patch points (once per face). Lattices are then evaluated here: regular patches and
+//! Binding a face makes the library gather the control points of all keys side by side; the patch
+//! points that follow from them are derived once per face. Lattices are then evaluated here: regular patches and
 //! the regular cells of irregular ones as B-splines with row sums, cells at extraordinary vertices as
 //! Gregory patches, Loop triangles as quartics. What does not fit (irregular Loop triangles, patches
 //! whose structure was not recognised) goes to the library, a lattice a call.
@@ -29,8 +29,8 @@ struct Bound {
     face: u32,
     lanes: usize,
     patch: UniquePtr<ffi::Patch>,
-    /// Corner values of a linear surface.
-    corners: Vec<f32>,
+    /// Patch points of our own: corners of a linear surface, or all that a tree needs.
+    points: Vec<f32>,
     state: State,
     patches: Patches,
 }
@@ -44,8 +44,8 @@ enum State {
     Library,
     /// [`Patches`], from the library's patch points.
     Patches,
-    /// [`Patches`], from `corners`.
-    Linear,
+    /// [`Patches`], from `points`.
+    Own,
 }
 
 impl Bound {
@@ -54,7 +54,7 @@ impl Bound {
             face: UNBOUND,
             lanes,
             patch: ffi::make_patch(),
-            corners: Vec::new(),
+            points: Vec::new(),
             state: State::None,
             patches: Patches::default(),
         }
@@ -94,8 +94,15 @@ impl Bound {
             Some(known) => surface.shared.shape(&self.patch, &info, &source, known),
             None => Shape::Library,
         };
-        self.state = match shape {
-            Shape::Library => State::Library,
+        self.state = match &shape {
+            Shape::Library => match self.patch.pin_mut().complete() {
+                Ok(()) => State::Library,
+                Err(_) => return,
+            },
+            Shape::Tree(tree) => {
+                tree.complete(self.patch.points(), self.lanes, &mut self.points);
+                State::Own
+            }
             _ => State::Patches,
         };
         self.patches.reset(shape, self.lanes);
@@ -104,14 +111,14 @@ impl Bound {
     /// Binds `face` as linear between corner values.
     fn bind_linear(&mut self, face: u32, values: &[f32], corners: impl Iterator<Item = usize>) {
         self.face = face;
-        self.state = State::Linear;
+        self.state = State::Own;
         let size = self.lanes * POINT;
-        self.corners.clear();
+        self.points.clear();
         for i in corners {
-            self.corners
+            self.points
                 .extend_from_slice(&values[i * size..(i + 1) * size]);
         }
-        let count = self.corners.len() / size;
+        let count = self.points.len() / size;
         self.patches.reset(Shape::Linear(count as u32), self.lanes);
     }
 
@@ -130,8 +137,8 @@ impl Bound {
         } = *place;
         match self.state {
             State::None => return false,
-            State::Linear => {
-                let points = &self.corners;
+            State::Own => {
+                let points = &self.points;
                 self.patches
                     .evaluate(points, parameterization, domain, st, derivatives, sink);
             }

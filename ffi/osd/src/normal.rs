@@ -2,13 +2,15 @@
 
 use glam::{Vec2, Vec3};
 
-/// Sine of the angle between derivatives below which their cross product says nothing: f32
-/// derivatives carry a relative error near 1e-7, so the direction is good to a thousandth here.
-const SINE_TOLERANCE: f32 = 1e-4;
+/// Sine of the angle between derivatives below which their cross product says nothing. Derivatives at
+/// an extraordinary vertex are differences over 1/16 of a face, of positions that may be ten faces
+/// from the origin: 160 * 2^-24 is 1e-5 of their length, and a hundred times that still points within
+/// half a degree.
+const SINE_TOLERANCE: f32 = 1e-3;
 
 /// How far a sample is moved towards the middle of its domain when its normal is not defined there
 /// (a rounded corner, a collapsed edge); a part of the domain.
-pub(crate) const NUDGE: f32 = 1.0 / 256.0;
+pub(crate) const NUDGE: f32 = 1.0 / 64.0;
 
 /// `st` a little nearer to the middle of the domain.
 pub(crate) fn nudged(st: Vec2) -> Vec2 {

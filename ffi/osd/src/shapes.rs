@@ -118,7 +118,7 @@ impl Source<'_> {
             Parameterization::SubFaces(n) => n,
             _ => 1,
         };
-        Tree::find(sub_faces, |sub_face, u, v| {
+        let mut tree = Tree::find(sub_faces, |sub_face, u, v| {
             let (u, v) = match parameterization {
                 Parameterization::SubFaces(n) => {
                     let [u0, v0] = ffi::sub_face_origin(n as i32, sub_face as i32);
@@ -127,7 +127,12 @@ impl Source<'_> {
                 _ => (u, v),
             };
             weights.pin_mut().at(u, v).ok().map(<[f64]>::to_vec)
-        })
+        })?;
+        tree.set_stencils(
+            info.control_count as usize,
+            weights.pin_mut().stencils().ok()?,
+        );
+        Some(tree)
     }
 
     fn find_conversion(&self) -> Option<triangle::Conversion> {

@@ -326,7 +326,7 @@ fn channels_reproduce_linear_functions() {
             channel(ChannelKind::FaceVarying, &topology.face_vertex_indices),
             channel(ChannelKind::Varying, &[]),
         ];
-        let surface = surface(&topology, &[points.clone()], channels);
+        let surface = surface(&topology, std::slice::from_ref(&points), channels);
         let st = lattice(3);
         let mut evaluator = surface.evaluator();
         let (mut out, mut got) = (LimitSamples::default(), Vec::new());

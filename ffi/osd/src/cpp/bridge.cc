@@ -153,6 +153,7 @@ PatchInfo Patch::bind(Mesh const &mesh, std::int32_t face, std::int32_t channel,
     info.linear = surface_.IsLinear();
     info.key = info.regular || info.linear ? 0 : last_key;
     info.face_size = surface_.GetFaceSize();
+    info.control_count = surface_.GetNumControlPoints();
     info.point_count = surface_.GetNumPatchPoints();
     if (info.regular && !info.linear) {
         if (mesh.is_quad_scheme()) {
@@ -165,8 +166,13 @@ PatchInfo Patch::bind(Mesh const &mesh, std::int32_t face, std::int32_t channel,
     }
     Bfr::Surface<float>::PointDescriptor const layout(static_cast<int>(size));
     points_.resize(static_cast<std::size_t>(info.point_count) * size);
-    surface_.PreparePatchPoints(values.data(), layout, points_.data(), layout);
+    surface_.GatherControlPoints(values.data(), layout, points_.data(), layout);
     return info;
+}
+
+void Patch::complete() {
+    Bfr::Surface<float>::PointDescriptor const layout(static_cast<int>(size_));
+    surface_.ComputePatchPoints(points_.data(), layout);
 }
 
 rust::Slice<float const> Patch::signature() const {
@@ -217,6 +223,16 @@ rust::Slice<double const> Weights::at(double u, double v) {
     double const uv[2] = {u, v};
     surface_.Evaluate(uv, identity_.data(), static_cast<int>(result_.size()), result_.data());
     return {result_.data(), result_.size()};
+}
+
+rust::Slice<double const> Weights::stencils() {
+    auto const m = static_cast<std::size_t>(surface_.GetNumControlPoints());
+    stencils_.assign(result_.size() * m, 0.0);
+    for (std::size_t i = 0; i < m; ++i) {
+        stencils_[i * m + i] = 1.0;
+    }
+    surface_.ComputePatchPoints(stencils_.data(), static_cast<int>(m));
+    return {stencils_.data(), stencils_.size()};
 }
 
 std::unique_ptr<Weights> make_weights(Mesh const &mesh, std::int32_t face, std::int32_t channel) {

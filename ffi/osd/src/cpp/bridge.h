@@ -44,6 +44,7 @@ class Patch {
                    rust::Slice<float const> values, std::size_t size);
     rust::Slice<float const> signature() const;
     rust::Slice<float const> points() const;
+    void complete();
     void evaluate(rust::Slice<float const> uv, bool derivatives);
     rust::Slice<float const> position() const;
     rust::Slice<float const> du() const;
@@ -59,10 +60,11 @@ class Weights {
   public:
     Weights(Mesh const &mesh, std::int32_t face, std::int32_t channel);
     rust::Slice<double const> at(double u, double v);
+    rust::Slice<double const> stencils();
 
   private:
     OpenSubdiv::Bfr::Surface<double> surface_;
-    std::vector<double> identity_, result_;
+    std::vector<double> identity_, result_, stencils_;
 };
 
 std::int32_t library_version();

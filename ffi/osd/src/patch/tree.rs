@@ -12,6 +12,8 @@
 
 use std::sync::LazyLock;
 
+use glam::Vec4;
+
 use super::{bspline, gregory};
 
 /// Cells are cut no more than this: the library refines sharp features six times, after the cut of a
@@ -53,6 +55,10 @@ pub(crate) struct Tree {
     roots: Vec<Cell>,
     nodes: Vec<[Cell; 4]>,
     pub(crate) leaves: Vec<Leaf>,
+    /// Control points: the first patch points.
+    controls: usize,
+    /// Weights of the control points in the patch points that follow them, a row a point.
+    stencils: Vec<f32>,
 }
 
 /// Weights of one kind of patch at [`PROBE`], ascending, with the control points they belong to.
@@ -151,12 +157,38 @@ impl Tree {
             roots: Vec::with_capacity(sub_faces as usize),
             nodes: Vec::new(),
             leaves: Vec::new(),
+            controls: 0,
+            stencils: Vec::new(),
         };
         for sub_face in 0..sub_faces {
             let root = tree.add(&mut |u, v| weights(sub_face, u, v), 0, [0, 0])?;
             tree.roots.push(root);
         }
         Some(tree)
+    }
+
+    /// Keeps the weights of `controls` control points in all patch points.
+    pub(crate) fn set_stencils(&mut self, controls: usize, stencils: &[f64]) {
+        self.controls = controls;
+        let derived = stencils.get(controls * controls..).unwrap_or_default();
+        self.stencils = derived.iter().map(|&w| w as f32).collect();
+    }
+
+    /// All patch points from those that begin with the control points, `lanes * 4` floats each.
+    pub(crate) fn complete(&self, gathered: &[f32], lanes: usize, points: &mut Vec<f32>) {
+        let size = lanes * 4;
+        let controls = &gathered[..self.controls * size];
+        points.clear();
+        points.extend_from_slice(controls);
+        for row in self.stencils.chunks_exact(self.controls.max(1)) {
+            for lane in 0..lanes {
+                let mut sum = Vec4::ZERO;
+                for (w, p) in row.iter().zip(controls.chunks_exact(size)) {
+                    sum += Vec4::from_slice(&p[lane * 4..]) * *w;
+                }
+                points.extend_from_slice(&sum.to_array());
+            }
+        }
     }
 
     fn add(
