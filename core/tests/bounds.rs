@@ -43,15 +43,18 @@ fn contains(b: &LinearBox, frame: &Frame, p: DVec3, time: f64) -> Result<(), Str
     Ok(())
 }
 
+/// Vertices, as (grid, vertex).
+type Vertices = Vec<(usize, usize)>;
+
 /// Checks all below `reference`; returns the vertices there, as (grid, vertex).
 fn check_tree<B: Bounds8>(
     mesh: &DicedMesh,
     tree: &BlockTree<B>,
     reference: u32,
     times: &[f64],
-) -> Result<Vec<(usize, usize)>, String> {
+) -> Result<Vertices, String> {
     let mut all = Vec::new();
-    let children: Vec<(LinearBox, u32, Vec<(usize, usize)>)>;
+    let children: Vec<(LinearBox, u32, Vertices)>;
     let frame;
     if reference & Tree::<B>::LEAF != 0 {
         let block = &tree.blocks[(reference & !Tree::<B>::LEAF) as usize];
