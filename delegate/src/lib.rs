@@ -11,6 +11,7 @@
 
 mod aov;
 pub mod edit;
+mod engine;
 pub mod error;
 pub mod file;
 pub mod image;

@@ -10,13 +10,9 @@ use std::sync::{Arc, Mutex};
 use std::thread::{Builder, JoinHandle};
 use std::time::{Duration, Instant};
 
-use glam::{DVec3, Vec3};
 use hdtrapeze_core::aov::{Aov, AovImage};
 use hdtrapeze_core::diagnostics::{Code, Warning};
-use hdtrapeze_core::film::tile::Keeps;
-use hdtrapeze_core::render::{
-    Frame, FrameError, PrepareError, Prepared, RenderControl, WorldHit, WorldRay, prepare, render,
-};
+use hdtrapeze_core::render::{Frame, Prepared, RenderControl, WorldHit, WorldRay, prepare, render};
 use hdtrapeze_core::scene::{PrimId, RenderSettings, Scene};
 use hdtrapeze_core::surface::SubdivisionFactory;
 use tracing::Level;
@@ -24,6 +20,7 @@ use tracing::dispatcher::with_default;
 
 use crate::aov::AovShape;
 use crate::edit::{Change, Edit, EditQueue, Kind, apply};
+use crate::engine::{MISS, NO_RAY, is_traceable, new_frame, prepare_error, prepare_statistics};
 use crate::error::{Error, try_map};
 use crate::file::{self, ImageOptions};
 use crate::image::Image;
@@ -460,81 +457,4 @@ fn render_all(
         true => State::Cancelled,
         false => State::Finished,
     });
-}
-
-fn prepare_statistics(prepared: &Prepared) -> Statistics {
-    let from = prepared.statistics();
-    Statistics {
-        prims: from.prims,
-        instances: from.instances,
-        objects: from.objects,
-        grids: from.grids,
-        micropolygons: from.micropolygons,
-        limit_evaluations: from.limit_evaluations,
-        geometry_bytes: from.geometry_bytes,
-        bvh_bytes: from.bvh_bytes,
-        bvh_nodes: from.bvh_nodes,
-        dice_seconds: from.dice_seconds,
-        build_seconds: from.build_seconds + from.world_seconds,
-        total_seconds: from.total_seconds,
-        objects_diced: from.objects_diced,
-        objects_reused: from.objects_reused,
-        ..Statistics::default()
-    }
-}
-
-/// An empty film, refused where memory for it and for reading it back is not there.
-fn new_frame(prepared: &Prepared) -> Result<Frame, Error> {
-    let settings = prepared.settings();
-    let [width, height] = settings.resolution.map(u64::from);
-    let pixels = match settings.crop {
-        Some([x0, y0, x1, y1]) => u64::from(x1 - x0) * u64::from(y1 - y0),
-        None => width * height,
-    };
-    let widest = prepared.aovs().iter().map(|aov| aov.components()).max();
-    let film = pixels.saturating_mul(Keeps::of(prepared.aovs()).bytes() as u64);
-    let image = (width * height).saturating_mul(4 * widest.unwrap_or(0) as u64);
-    memory::check(film.saturating_add(image), "the film")?;
-    let frame = Frame::new(settings.resolution, settings.crop, prepared.aovs());
-    frame.map_err(|error| match error {
-        FrameError::OutOfMemory(_) => Error::OutOfMemory(error.to_string()),
-        _ => Error::InvalidArgument(error.to_string()),
-    })
-}
-
-fn prepare_error(error: PrepareError) -> Error {
-    match error {
-        PrepareError::Cancelled => Error::Cancelled,
-        _ => Error::InvalidArgument(error.to_string()),
-    }
-}
-
-/// A ray that hits nothing.
-const NO_RAY: WorldRay = WorldRay {
-    origin: DVec3::ZERO,
-    dir: Vec3::Z,
-    time: 0.0,
-    t_min: 1.0,
-    t_max: 0.0,
-};
-
-/// What such a ray hits; the trace overwrites it.
-const MISS: WorldHit = WorldHit {
-    t: f32::INFINITY,
-    u: 0.0,
-    v: 0.0,
-    normal: Vec3::ZERO,
-    prim_id: -1,
-    instance_id: -1,
-    element_id: -1,
-    grid: 0,
-    cell: 0,
-};
-
-fn is_traceable(ray: &WorldRay) -> bool {
-    let numbers = [ray.time, ray.t_min, ray.t_max];
-    ray.origin.as_vec3().is_finite()
-        && ray.dir.is_finite()
-        && ray.dir != Vec3::ZERO
-        && !numbers.iter().any(|number| number.is_nan())
 }

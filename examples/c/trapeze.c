@@ -131,20 +131,20 @@ static trz_id add_grid(trz_session* session) {
     return grid;
 }
 
-/* A camera at z = 8 whose lens is focused on the cube. */
+/* A camera at z = 16 whose lens is focused on the cube. */
 static void add_camera(trz_session* session) {
     trz_id camera = 0;
     trz_camera lens = {0};
     lens.struct_size = sizeof lens;
     check(trz_camera_default(&lens), "camera default");
-    lens.focus_distance = 8;
-    lens.f_stop = 8;
+    lens.focus_distance = 16;
+    lens.f_stop = 4;
     lens.clipping_near = 0.1;
     lens.shutter_open = -0.25;
     lens.shutter_close = 0.25;
     double matrix[16];
     const double time = 0;
-    turn_and_move(0, 0, 0, 8, matrix);
+    turn_and_move(0, 0, 0, 16, matrix);
     const trz_transform_samples level = {&time, matrix, 1};
     check(trz_camera_create(session, "/camera", &camera), "create camera");
     check(trz_camera_set(session, camera, &lens), "camera");

@@ -1,0 +1,287 @@
+//! Geometry, transforms, primvars and cameras.
+
+use std::sync::Arc;
+
+use glam::{DMat4, Vec3};
+use hdtrapeze_core::scene::{
+    CameraDesc, GridsDesc, InstancesDesc, Interpolation, PointsSamples, PrimvarDesc, Projection,
+    TransformSamples,
+};
+use hdtrapeze_core::surface::{
+    BoundaryInterpolation, FaceVaryingLinear, Orientation, Scheme, TriangleRule,
+};
+use hdtrapeze_delegate::AuthoredTopology;
+
+use super::{pick, refuse};
+use crate::constants::*;
+use crate::fault::Fault;
+use crate::input::{copied, slice, times};
+use crate::types::*;
+
+/// Most floats of a primvar's value: a matrix.
+const WIDEST_PRIMVAR: u32 = 16;
+/// Largest rate of a grid.
+const LARGEST_RATE: u16 = 16;
+
+fn vec3s(floats: &[f32]) -> Result<Vec<Vec3>, Fault> {
+    let (points, _) = floats.as_chunks::<3>();
+    copied(points, |&p| Vec3::from_array(p))
+}
+
+fn matrices(doubles: &[f64]) -> Result<Vec<DMat4>, Fault> {
+    let (matrices, _) = doubles.as_chunks::<16>();
+    copied(matrices, DMat4::from_cols_array)
+}
+
+/// Safety, here and below: pointers in the struct are null or as the header says.
+pub(crate) unsafe fn topology<'a>(from: &trz_topology) -> Result<AuthoredTopology<'a>, Fault> {
+    // SAFETY: as the caller promises.
+    unsafe {
+        Ok(AuthoredTopology {
+            scheme: pick(
+                &[
+                    Scheme::CatmullClark,
+                    Scheme::Loop,
+                    Scheme::Bilinear,
+                    Scheme::None,
+                ],
+                from.scheme,
+                "scheme",
+            )?,
+            boundary: pick(
+                &[
+                    BoundaryInterpolation::None,
+                    BoundaryInterpolation::EdgeOnly,
+                    BoundaryInterpolation::EdgeAndCorner,
+                ],
+                from.boundary,
+                "boundary",
+            )?,
+            face_varying: pick(
+                &[
+                    FaceVaryingLinear::None,
+                    FaceVaryingLinear::CornersOnly,
+                    FaceVaryingLinear::CornersPlus1,
+                    FaceVaryingLinear::CornersPlus2,
+                    FaceVaryingLinear::Boundaries,
+                    FaceVaryingLinear::All,
+                ],
+                from.face_varying,
+                "face_varying",
+            )?,
+            triangles: pick(
+                &[TriangleRule::CatmullClark, TriangleRule::Smooth],
+                from.triangles,
+                "triangles",
+            )?,
+            orientation: pick(
+                &[Orientation::RightHanded, Orientation::LeftHanded],
+                from.orientation,
+                "orientation",
+            )?,
+            face_vertex_counts: slice(
+                from.face_vertex_counts,
+                from.face_count,
+                "face_vertex_counts",
+            )?,
+            face_vertex_indices: slice(
+                from.face_vertex_indices,
+                from.index_count,
+                "face_vertex_indices",
+            )?,
+            holes: slice(from.holes, from.hole_count, "holes")?,
+            crease_indices: slice(
+                from.crease_indices,
+                from.crease_index_count,
+                "crease_indices",
+            )?,
+            crease_lengths: slice(from.crease_lengths, from.crease_count, "crease_lengths")?,
+            crease_sharpnesses: slice(
+                from.crease_sharpnesses,
+                from.crease_sharpness_count,
+                "crease_sharpnesses",
+            )?,
+            corner_indices: slice(from.corner_indices, from.corner_count, "corner_indices")?,
+            corner_sharpnesses: slice(
+                from.corner_sharpnesses,
+                from.corner_sharpness_count,
+                "corner_sharpnesses",
+            )?,
+        })
+    }
+}
+
+pub(crate) unsafe fn points(from: &trz_points) -> Result<PointsSamples, Fault> {
+    // SAFETY: as the caller promises.
+    unsafe {
+        let times_of = slice(from.times, from.sample_count, "times")?;
+        let arrays = slice(from.points, from.sample_count, "points")?;
+        let counts = slice(from.counts, from.sample_count, "counts")?;
+        let samples = arrays.iter().zip(counts).enumerate();
+        Ok(PointsSamples {
+            times: copied(times_of, |&t| t)?,
+            points: samples
+                .map(|(i, (&array, &count))| {
+                    let what = format!("points[{i}]");
+                    let floats = slice(array, times(count, 3, &what)?, &what)?;
+                    Ok(Arc::new(vec3s(floats)?))
+                })
+                .collect::<Result<_, Fault>>()?,
+        })
+    }
+}
+
+pub(crate) unsafe fn grids(from: &trz_grids) -> Result<GridsDesc, Fault> {
+    // SAFETY: as the caller promises.
+    unsafe {
+        let key_times = slice(from.times, from.key_count, "times")?;
+        let rates = slice(from.rates, times(from.grid_count, 2, "rates")?, "rates")?;
+        let (rates, _) = rates.as_chunks::<2>();
+        let elements = match from.elements.is_null() {
+            true => None,
+            false => Some(slice(from.elements, from.grid_count, "elements")?),
+        };
+        let floats = times(from.position_count, 3, "positions")?;
+        let positions = slice(from.positions, floats, "positions")?;
+        if from.key_count == 0 && from.grid_count > 0 {
+            return Err(Fault::invalid("grids need at least one key"));
+        }
+        let mut expected = 0usize;
+        for (grid, &[nu, nv]) in rates.iter().enumerate() {
+            if ![nu, nv]
+                .iter()
+                .all(|rate| (1..=LARGEST_RATE).contains(rate))
+            {
+                return Err(Fault::invalid(format!(
+                    "rates of grid {grid} are {nu} x {nv}, not 1 to {LARGEST_RATE}"
+                )));
+            }
+            let vertices = (usize::from(nu) + 1) * (usize::from(nv) + 1);
+            expected = expected.saturating_add(vertices.saturating_mul(from.key_count));
+        }
+        if expected != from.position_count {
+            return Err(Fault::invalid(format!(
+                "position_count is {}, but rates and keys add up to {expected}",
+                from.position_count
+            )));
+        }
+        let mut grids = copied(rates, |&[nu, nv]| (nu, nv, 0))?;
+        for (at, grid) in grids.iter_mut().enumerate() {
+            grid.2 = elements.map_or(at as u32, |elements| elements[at]);
+        }
+        Ok(GridsDesc {
+            times: copied(key_times, |&t| t)?,
+            grids,
+            positions: Arc::new(vec3s(positions)?),
+        })
+    }
+}
+
+pub(crate) unsafe fn transform(
+    levels: &[trz_transform_samples],
+) -> Result<Vec<TransformSamples>, Fault> {
+    let convert = |(i, level): (usize, &trz_transform_samples)| {
+        if level.count == 0 {
+            return refuse("levels", i, "has no samples");
+        }
+        let doubles = times(level.count, 16, "matrices")?;
+        // SAFETY: as the caller promises.
+        unsafe {
+            Ok(TransformSamples {
+                times: copied(slice(level.times, level.count, "times")?, |&t| t)?,
+                matrices: matrices(slice(level.matrices, doubles, "matrices")?)?,
+            })
+        }
+    };
+    levels.iter().enumerate().map(convert).collect()
+}
+
+pub(crate) unsafe fn primvar(from: &trz_primvar) -> Result<PrimvarDesc, Fault> {
+    let kinds = [
+        Interpolation::Constant,
+        Interpolation::Uniform,
+        Interpolation::Varying,
+        Interpolation::Vertex,
+        Interpolation::FaceVarying,
+    ];
+    let interpolation = pick(&kinds, from.interpolation, "interpolation")?;
+    if !(1..=WIDEST_PRIMVAR).contains(&from.width) {
+        return refuse("width", from.width, "is not 1 to 16");
+    }
+    let width = from.width as usize;
+    let floats = times(from.value_count, width, "values")?;
+    // SAFETY: as the caller promises.
+    unsafe {
+        let values = slice(from.values, floats, "values")?;
+        let indices = slice(from.indices, from.index_count, "indices")?;
+        Ok(PrimvarDesc {
+            interpolation,
+            width,
+            values: Arc::new(copied(values, |&v| v)?),
+            indices: Arc::new(copied(indices, |&i| i)?),
+        })
+    }
+}
+
+pub(crate) unsafe fn instances(from: &trz_instances) -> Result<InstancesDesc, Fault> {
+    let count = from.instance_count;
+    let all = times(from.sample_count, count, "matrices")?;
+    let doubles = times(all, 16, "matrices")?;
+    if count > 0 && from.sample_count == 0 {
+        return Err(Fault::invalid("instances need at least one sample"));
+    }
+    // SAFETY: as the caller promises.
+    unsafe {
+        let ids = match from.ids.is_null() {
+            true => &[][..],
+            false => slice(from.ids, count, "ids")?,
+        };
+        Ok(InstancesDesc {
+            times: copied(slice(from.times, from.sample_count, "times")?, |&t| t)?,
+            matrices: matrices(slice(from.matrices, doubles, "matrices")?)?,
+            instance_count: count,
+            ids: copied(ids, |&id| id)?,
+        })
+    }
+}
+
+/// Numbers of a camera are checked at commit: scenes author them.
+pub(crate) fn camera(from: &trz_camera) -> Result<CameraDesc, Fault> {
+    let kinds = [Projection::Perspective, Projection::Orthographic];
+    Ok(CameraDesc {
+        projection: pick(&kinds, from.projection, "projection")?,
+        horizontal_aperture: from.horizontal_aperture,
+        vertical_aperture: from.vertical_aperture,
+        horizontal_aperture_offset: from.horizontal_aperture_offset,
+        vertical_aperture_offset: from.vertical_aperture_offset,
+        focal_length: from.focal_length,
+        focus_distance: from.focus_distance,
+        f_stop: from.f_stop,
+        clipping: [from.clipping_near, from.clipping_far],
+        shutter: [from.shutter_open, from.shutter_close],
+        exposure_scale: from.exposure_scale,
+        ..CameraDesc::default()
+    })
+}
+
+pub(crate) fn camera_to_c(from: &CameraDesc) -> trz_camera {
+    trz_camera {
+        struct_size: 0,
+        projection: match from.projection {
+            Projection::Perspective => TRZ_PROJECTION_PERSPECTIVE,
+            Projection::Orthographic => TRZ_PROJECTION_ORTHOGRAPHIC,
+        },
+        horizontal_aperture: from.horizontal_aperture,
+        vertical_aperture: from.vertical_aperture,
+        horizontal_aperture_offset: from.horizontal_aperture_offset,
+        vertical_aperture_offset: from.vertical_aperture_offset,
+        focal_length: from.focal_length,
+        focus_distance: from.focus_distance,
+        f_stop: from.f_stop,
+        clipping_near: from.clipping[0],
+        clipping_far: from.clipping[1],
+        shutter_open: from.shutter[0],
+        shutter_close: from.shutter[1],
+        exposure_scale: from.exposure_scale,
+    }
+}
