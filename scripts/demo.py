@@ -17,7 +17,7 @@ from hdtrapeze.stage import open_stage
 ROOT = Path(__file__).resolve().parent.parent
 SCENE = ROOT / "examples/demo/demo.usda"
 FRAME = 1.0
-DEFAULTS = ["--camera", "/World/Camera", "--samples", "144"]
+DEFAULTS = ["--camera", "/World/Camera", "--samples", "256"]
 AOVS = ["--aov", "cameraDepth", "--aov", "normal", "--aov", "motionVectors", "--aov", "primId"]
 
 

@@ -275,7 +275,7 @@ def add_petals(stage) -> None:
     count = 40
     instancer = UsdGeom.PointInstancer.Define(stage, "/World/Petals")
     sizes = [(1.5, 0.18, 1.0), (1.1, 0.2, 1.1), (0.8, 0.8, 0.8)]
-    tints = [(ROSE, CREAM), (SAFFRON, CORAL), (SKY, CREAM)]
+    tints = [(ROSE, CREAM), (SAFFRON, CORAL), (SKY, (0.5, 0.95, 1.0))]
     for i, (size, (a, b)) in enumerate(zip(sizes, tints, strict=True)):
         colors = [mix(a, b, k / 7.0) for k in range(8)]
         write_mesh(stage, f"/World/Petals/Petal_{i}", box(size, colors, (1.0, 2.0, 3.5)[i]))
@@ -284,7 +284,10 @@ def add_petals(stage) -> None:
     )
     instancer.CreateProtoIndicesAttr([i % 3 for i in range(count)])
     unit = scattered(count, 7)
-    depth = 40.0 - 260.0 * unit[:, 2] ** 1.5
+    depth = 30.0 - 240.0 * unit[:, 2] ** 1.5
+    # Every third drifts near the plane in focus, where its streak is drawn by motion alone.
+    near = np.arange(count) % 3 == 0
+    depth = np.where(near, 9.0 - 24.0 * unit[:, 2], depth)
     spread = (CAMERA_EYE[2] - depth) / CAMERA_EYE[2]
     start = np.stack(
         [
@@ -297,6 +300,7 @@ def add_petals(stage) -> None:
     speed = np.stack(
         [7.0 + 8.0 * unit[:, 1], -2.5 + 4.0 * unit[:, 0], 5.0 * unit[:, 2] - 2.0], axis=-1
     )
+    speed[near] *= 0.4
     axes = scattered(count, 301) - 0.5
     axes /= np.linalg.norm(axes, axis=-1, keepdims=True)
     turn = np.radians(60.0 + 140.0 * unit[:, 0])
