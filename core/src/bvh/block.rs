@@ -19,7 +19,7 @@ pub const GROUPS: usize = 8;
 const MAX_BLOCK_VERTICES: usize = 85;
 
 /// Relative cost of turning a ray into a node's frame (9 products, 3 reciprocals), in units of
-/// one group test. Measured on the benches; only the choice of frames depends on it.
+/// one group test. An estimate, not yet measured; only the choice of frames depends on it.
 const TURN_COST: f32 = 0.3;
 
 /// A block is halved when the boxes of its halves have less than this part of its own area together.
