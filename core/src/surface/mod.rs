@@ -70,8 +70,8 @@ pub trait LimitSurface: Send + Sync {
     fn key_count(&self) -> usize;
     /// Channels that [`LimitEvaluator::evaluate_channel`] knows, in the order they were given.
     fn channels(&self) -> &[ChannelInfo];
-    /// True where the surface is piecewise flat or bilinear between its base vertices, so that
-    /// dicing it finer adds no shape (polygons without displacement).
+    /// True where the surface is made of facets between its base vertices, so that dicing it finer
+    /// adds no shape (polygons without displacement).
     fn is_polygonal(&self) -> bool;
     /// An evaluator for the calling thread.
     fn evaluator(&self) -> Box<dyn LimitEvaluator + '_>;

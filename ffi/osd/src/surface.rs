@@ -125,7 +125,8 @@ impl LimitSurface for OsdSurface {
         &self.channel_infos
     }
     fn is_polygonal(&self) -> bool {
-        self.is_bilinear
+        // The bilinear scheme is curved too where a quad is not planar.
+        false
     }
     fn evaluator(&self) -> Box<dyn LimitEvaluator + '_> {
         Box::new(self.lattice_evaluator())
