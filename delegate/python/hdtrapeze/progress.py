@@ -1,5 +1,6 @@
 """A progress bar with the time left, on a terminal; nothing elsewhere."""
 
+import shutil
 import sys
 
 from tqdm import tqdm
@@ -11,6 +12,7 @@ class ProgressBar:
     """Follows one frame. Use it in a `with` block and call it with each trz_progress."""
 
     def __init__(self, name: str, quiet: bool):
+        self._name = name
         self._bar = None
         if not quiet and sys.stderr.isatty():
             self._bar = tqdm(
@@ -18,8 +20,9 @@ class ProgressBar:
                 desc=name,
                 file=sys.stderr,
                 leave=False,
-                dynamic_ncols=True,
-                bar_format="{desc} {percentage:3.0f}% |{bar}| {postfix}",
+                # Some terminals do not tell their width.
+                ncols=shutil.get_terminal_size().columns,
+                bar_format="{percentage:3.0f}% |{bar}| {desc}",
             )
 
     def __enter__(self):
@@ -39,5 +42,5 @@ class ProgressBar:
             if left >= 0.0:
                 text += f", {tqdm.format_interval(left)} left"
         self._bar.n = min(max(progress.fraction, 0.0), 1.0)
-        self._bar.set_postfix_str(text, refresh=False)
+        self._bar.set_description_str(f"{self._name} {text}", refresh=False)
         self._bar.refresh()
