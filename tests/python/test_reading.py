@@ -45,11 +45,11 @@ def test_levels_keep_their_own_keys():
     inner = UsdGeom.Xform.Define(stage, "/a/b")
     set_samples(
         inner.AddTranslateOp().GetAttr(),
-        {0: Gf.Vec3d(0), 1: Gf.Vec3d(0, 3, 0), 2: Gf.Vec3d(0)},
+        {0: Gf.Vec3d(0), 0.3: Gf.Vec3d(0, 3, 0), 2: Gf.Vec3d(0)},
     )
     shutter = Shutter(0.0, 0.0, 2.0)
     _, levels = world(stage, "/a/b", shutter, 0.0)
-    assert [list(level.times) for level in levels] == [[0, 1, 2], [0, 2]]
+    assert [list(level.times) for level in levels] == [[0, 0.3, 2], [0, 2]]
     for time in (0.0, 0.3, 1.0, 1.7, 2.0):
         expected = usd_world(stage, "/a/b", time)
         np.testing.assert_allclose(compose(levels, time), expected, atol=1e-12)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from hdtrapeze import Options, Renderer
-from pxr import Gf
+from pxr import Gf, Vt
 from scenes import add_camera, add_cube, add_quad, new_stage, render, set_samples
 
 AOVS = ("color", "depth", "P", "normal", "primId", "elementId", "motionVectors", "sampleCount")
@@ -17,6 +17,13 @@ def stage():
     set_samples(cube.AddRotateXYZOp().GetAttr(), {0: Gf.Vec3f(0), 4: Gf.Vec3f(80, 120, 200)})
     back = add_quad(stage, "/back", -4, -4, 4, 4, z=-3, color=(0.1, 0.3, 0.8))
     back.CreateDisplayOpacityAttr([0.5])
+    bent = add_quad(stage, "/bent", -4, 2, -2, 4)
+    for time in range(5):
+        points = [(-4, 2, 0), (-2 + time, 2, 0), (-2, 4, time / 2), (-4, 4 - time / 2, 0)]
+        bent.GetPointsAttr().Set(Vt.Vec3fArray([Gf.Vec3f(*map(float, p)) for p in points]), time)
+        bent.CreateDisplayColorAttr().Set([Gf.Vec3f(time / 4, 1, 0)], time)
+    blinking = add_quad(stage, "/blinking", 2, -4, 4, -2)
+    set_samples(blinking.CreateVisibilityAttr(), {0: "inherited", 1: "invisible", 2: "inherited"})
     return stage
 
 
@@ -56,7 +63,7 @@ def test_frames_one_after_another_are_the_frames_alone(stage):
         width=40, height=40, samples=4, filter="box", camera="/camera", aovs=list(AOVS)
     )
     with Renderer(options) as renderer:
-        for frame in (0.0, 2.0, 1.0):
+        for frame in (0.0, 2.0, 1.0, 2.0):
             renderer.load(stage, frame)
             renderer.render()
             image = {name: renderer.aov(name) for name in AOVS}

@@ -20,8 +20,9 @@ class ProgressBar:
                 desc=name,
                 file=sys.stderr,
                 leave=False,
-                # Some terminals do not tell their width.
+                # Some terminals do not tell their size, and tqdm then shows nothing.
                 ncols=shutil.get_terminal_size().columns,
+                nrows=20,
                 bar_format="{percentage:3.0f}% |{bar}| {desc}",
             )
 

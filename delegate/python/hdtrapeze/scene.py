@@ -55,7 +55,7 @@ class SceneSync:
         self._sent: dict[str, _Sent] = {}
         self._stage: Usd.Stage | None = None
         self._notice = None
-        self._next_pick_id = 0
+        self._pick_ids: dict[str, int] = {}
         self.prim_paths: dict[int, str] = {}
         """Prim path of each primId."""
         self.has_hidden = False
@@ -256,9 +256,10 @@ class SceneSync:
         if new:
             sent = _Sent(self._session.create_mesh(str(prim.GetPath())), primvars_vary=True)
             self._sent[key] = sent
-            self._session.set_pick_id(sent.prim, self._next_pick_id)
-            self.prim_paths[self._next_pick_id] = str(prim.GetPath())
-            self._next_pick_id += 1
+            # A prim that comes and goes keeps its number.
+            pick_id = self._pick_ids.setdefault(key, len(self._pick_ids))
+            self._session.set_pick_id(sent.prim, pick_id)
+            self.prim_paths[pick_id] = str(prim.GetPath())
         if new or sent.topology_varies:
             self._session.set_topology(sent.prim, topology)
         self._session.set_points(sent.prim, points)
