@@ -383,7 +383,11 @@ fn make_surface(
     let mut why = None;
     if mesh.topology.scheme != Scheme::None {
         match factory.create(&mesh.topology, points, channels.clone()) {
-            Ok(surface) => return Some(surface),
+            Ok(surface) => {
+                let notes = surface.notes().iter();
+                warnings.extend(notes.map(|n| Warning::new(path, Code::Topology, n.clone())));
+                return Some(surface);
+            }
             Err(error) => why = Some(error.to_string()),
         }
     }

@@ -70,6 +70,10 @@ pub trait LimitSurface: Send + Sync {
     fn key_count(&self) -> usize;
     /// Channels that [`LimitEvaluator::evaluate_channel`] knows, in the order they were given.
     fn channels(&self) -> &[ChannelInfo];
+    /// What the surface leaves out of what was authored, as sentences for warnings.
+    fn notes(&self) -> &[String] {
+        &[]
+    }
     /// True where the surface is made of facets between its base vertices, so that dicing it finer
     /// adds no shape (polygons without displacement).
     fn is_polygonal(&self) -> bool;

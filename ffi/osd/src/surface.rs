@@ -81,6 +81,7 @@ pub struct OsdSurface {
     channel_indices: Vec<i32>,
     corner_count: usize,
     channel_infos: Vec<ChannelInfo>,
+    notes: Vec<String>,
 }
 
 impl OsdSurface {
@@ -124,6 +125,10 @@ impl LimitSurface for OsdSurface {
     fn channels(&self) -> &[ChannelInfo] {
         &self.channel_infos
     }
+    fn notes(&self) -> &[String] {
+        &self.notes
+    }
+
     fn is_polygonal(&self) -> bool {
         // The bilinear scheme is curved too where a quad is not planar.
         false
@@ -229,6 +234,7 @@ impl OsdFactory {
             points: interleave(points, topology.vertex_count),
             channel_infos,
             channels,
+            notes: prepared.notes,
         })
     }
 }

@@ -47,6 +47,8 @@ pub(crate) struct Prepared {
     pub(crate) face_vertices: Vec<u32>,
     /// The library's number of each authored face, or -1.
     pub(crate) library_face: Vec<i32>,
+    /// What was left out, as sentences.
+    pub(crate) notes: Vec<String>,
 }
 
 fn topology_error<T>(text: String) -> Result<T, SurfaceError> {
@@ -163,6 +165,7 @@ impl Prepared {
             face_starts,
             face_vertices,
             library_face,
+            notes: Vec::new(),
         };
         prepared.sharpen(topology);
         Ok(prepared)
@@ -211,19 +214,38 @@ impl Prepared {
                     edges.insert((a.min(b), a.max(b)));
                 }
             }
+            let mut avoid = HashSet::new();
             if ffi::library_version() == CREASES_READ_TOO_FAR {
-                let avoid = self.around_two_face_vertices();
-                edges.retain(|(a, b)| !avoid.contains(a) && !avoid.contains(b));
+                avoid = self.around_two_face_vertices();
             }
+            let (mut nowhere, mut avoided) = (0usize, 0usize);
             for crease in &topology.creases {
                 for (pair, &sharpness) in crease.vertices.windows(2).zip(&crease.sharpness) {
                     let (a, b) = (pair[0] as i32, pair[1] as i32);
-                    if sharpness > 0.0 && edges.contains(&(a.min(b), a.max(b))) {
+                    if sharpness <= 0.0 {
+                        continue;
+                    }
+                    if !edges.contains(&(a.min(b), a.max(b))) {
+                        nowhere += 1;
+                    } else if avoid.contains(&a) || avoid.contains(&b) {
+                        avoided += 1;
+                    } else {
                         self.crease_pairs.extend_from_slice(&[a, b]);
                         self.crease_sharpness
                             .push(sharpness.min(INFINITE_SHARPNESS));
                     }
                 }
+            }
+            if nowhere > 0 {
+                self.notes.push(format!(
+                    "{nowhere} crease edges are no edges of a face; ignored"
+                ));
+            }
+            if avoided > 0 {
+                self.notes.push(format!(
+                    "{avoided} crease edges lie next to a vertex with just two faces, where OpenSubdiv \
+                     3.5.0 fails; ignored"
+                ));
             }
         }
         for &(vertex, sharpness) in &topology.corners {

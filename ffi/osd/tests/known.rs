@@ -135,7 +135,10 @@ fn bilinear_scheme_is_bilinear() {
     let (mut topology, points) = cube();
     topology.scheme = Scheme::Bilinear;
     let surface = surface(&topology, &points);
-    assert!(!surface.is_polygonal(), "a warped quad has shape between its corners");
+    assert!(
+        !surface.is_polygonal(),
+        "a warped quad has shape between its corners"
+    );
     let corner = |i: usize| points[surface.face_vertices(3)[i] as usize];
     let (s, t) = (0.3, 0.8);
     let expected = corner(0) * ((1.0 - s) * (1.0 - t))
@@ -199,4 +202,17 @@ fn loop_refuses_quads() {
         matches!(error, Some(SurfaceError::Topology(_))),
         "{error:?}"
     );
+}
+
+#[test]
+fn creases_that_are_left_out_are_noted() {
+    let (mut topology, points) = cube();
+    // 0 and 7 are opposite corners: no edge joins them.
+    topology.creases = vec![Crease {
+        vertices: vec![0, 7],
+        sharpness: vec![2.0],
+    }];
+    assert_eq!(surface(&topology, &points).notes().len(), 1);
+    topology.creases.clear();
+    assert!(surface(&topology, &points).notes().is_empty());
 }
