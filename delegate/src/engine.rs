@@ -21,6 +21,7 @@ pub(crate) fn prepare_statistics(prepared: &Prepared) -> Statistics {
         geometry_bytes: from.geometry_bytes,
         bvh_bytes: from.bvh_bytes,
         bvh_nodes: from.bvh_nodes,
+        translate_seconds: from.translate_seconds,
         dice_seconds: from.dice_seconds,
         build_seconds: from.build_seconds + from.world_seconds,
         total_seconds: from.total_seconds,

@@ -49,6 +49,8 @@ pub(super) struct PrimObjects {
     pub placed: Vec<Placed>,
     pub warnings: Vec<Warning>,
     pub limit_evaluations: u64,
+    /// Checking, surfaces and paths: all that is not dicing or building.
+    pub translate_seconds: f64,
     pub dice_seconds: f64,
     pub build_seconds: f64,
     /// Straight segments of the path with the most; 0 when nothing moves.
@@ -66,6 +68,7 @@ impl PrimObjects {
             placed: Vec::new(),
             warnings: Vec::new(),
             limit_evaluations: 0,
+            translate_seconds: 0.0,
             dice_seconds: 0.0,
             build_seconds: 0.0,
             segments: 0,
@@ -103,6 +106,13 @@ impl Shape {
 
 /// Prepares one prim. Never fails: what cannot be rendered is left out with a warning.
 pub(super) fn prepare_prim(prim: &PrimDesc, context: &Context<'_>) -> PrimObjects {
+    let start = Instant::now();
+    let mut out = translate(prim, context);
+    out.translate_seconds = start.elapsed().as_secs_f64() - out.dice_seconds - out.build_seconds;
+    out
+}
+
+fn translate(prim: &PrimDesc, context: &Context<'_>) -> PrimObjects {
     let mut out = PrimObjects::empty();
     let path = &prim.common.path;
     let shape = match &prim.geometry {

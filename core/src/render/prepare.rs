@@ -113,6 +113,7 @@ pub fn prepare(
             statistics.objects_reused += 1;
         } else {
             statistics.objects_diced += 1;
+            statistics.translate_seconds += objects.translate_seconds;
             statistics.dice_seconds += objects.dice_seconds;
             statistics.build_seconds += objects.build_seconds;
         }

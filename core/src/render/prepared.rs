@@ -50,7 +50,9 @@ pub struct PrepareStatistics {
     pub bvh_nodes: u64,
     /// Whole commit, wall clock.
     pub total_seconds: f64,
-    /// Dicing, summed over prims (threads add up).
+    /// Checking, surfaces and paths, summed over prims (threads add up).
+    pub translate_seconds: f64,
+    /// Dicing, summed over prims.
     pub dice_seconds: f64,
     /// Building trees over grids, summed over prims.
     pub build_seconds: f64,

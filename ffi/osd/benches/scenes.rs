@@ -23,7 +23,10 @@ const SAMPLES: u32 = 16;
 /// Rays that brute force answers before a figure is printed.
 const CHECKED_RAYS: u32 = 24;
 
-const SCENES: [(&str, fn() -> Scene); 3] = [
+/// Makes a scene.
+type Make = fn() -> Scene;
+
+const SCENES: [(&str, Make); 3] = [
     ("sheet", sheet),
     ("tumbling", tumbling),
     ("instances", instances),
