@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from hdtrapeze import HdTrapezeError, Options, Renderer
-from pxr import Gf, Sdf, UsdGeom, Vt
+from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 from scenes import (
     add_camera,
     add_cube,
@@ -297,6 +297,24 @@ def test_empty_stage():
 def test_what_is_not_supported_is_named(stage, kind):
     kind.Define(stage, "/other")
     one_warning(render(stage), "/other", "not supported yet")
+
+
+def test_blur_scale_is_named(stage):
+    quad = add_quad(stage)
+    UsdGeom.MotionAPI.Apply(quad.GetPrim()).CreateMotionBlurScaleAttr(0.5)
+    one_warning(render(stage, shutter=(0, 1)), "/quad", "blurScale")
+    assert render(stage).warnings == []
+
+
+def test_models_with_a_draw_mode_are_named(stage):
+    parent = UsdGeom.Xform.Define(stage, "/model")
+    add_quad(stage, "/model/quad")
+    Usd.ModelAPI(parent).SetKind("component")
+    model = UsdGeom.ModelAPI.Apply(parent.GetPrim())
+    model.CreateModelApplyDrawModeAttr(True)
+    model.CreateModelDrawModeAttr("bounds")
+    one_warning(render(stage), "/model", "draw mode bounds")
+    assert render(stage, draw_modes=False).warnings == []
 
 
 def test_unknown_aov(stage):

@@ -127,6 +127,8 @@ class SceneSync:
         """Emits one imageable prim; True where its children are not to be visited."""
         if self._draw_modes and prim.HasAPI(UsdGeom.ModelAPI):
             self._check_draw_mode(prim)
+        if prim.HasAPI(UsdGeom.MotionAPI):
+            self._check_blur_scale(prim)
         if prim.IsA(UsdGeom.PointInstancer):
             if purpose in self._purposes:
                 self._emit_instancer(UsdGeom.PointInstancer(prim), purpose, place)
@@ -191,6 +193,12 @@ class SceneSync:
             self._walk(
                 prototype, purpose, _Place(placement, prototype, prefix, (*place.instancers, path))
             )
+
+    def _check_blur_scale(self, prim) -> None:
+        scale = UsdGeom.MotionAPI(prim).ComputeMotionBlurScale(self._shutter.time)
+        if scale != 1.0 and self._shutter.moves:
+            text = f"motion:blurScale {scale:g} is not supported yet; it blurs as with 1"
+            self._log.warn(prim.GetPath(), "unsupported-blur-scale", text)
 
     def _check_draw_mode(self, prim) -> None:
         model = UsdGeom.ModelAPI(prim)
