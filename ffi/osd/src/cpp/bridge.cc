@@ -14,9 +14,9 @@ namespace Sdc = OpenSubdiv::Sdc;
 
 namespace {
 
-// How often extraordinary vertices are isolated before the limit is approximated by a Gregory patch. On
-// a cube of size 2, the worst case, the surface is then 0.0017 off; with the library's own 2, 0.010,
-// with 3, 0.0039, with 5, 0.0005.
+// How often extraordinary vertices are isolated before the limit is approximated by a Gregory
+// patch. On a cube of size 2, the worst case, the surface is then 0.0017 off; with the library's
+// own 2, 0.010, with 3, 0.0039, with 5, 0.0005.
 constexpr int smooth_level = 4;
 
 // The topology that the surface factory looked up last on this thread.
@@ -28,14 +28,14 @@ using ThreadedCache =
 
 // A factory whose only cache is the external one of its options.
 class Factory : public Bfr::RefinerSurfaceFactoryBase {
-  public:
+public:
     using Bfr::RefinerSurfaceFactoryBase::RefinerSurfaceFactoryBase;
 };
 
 template <typename REAL>
-bool init_surface(Mesh const &mesh, std::int32_t face, std::int32_t channel,
-                  Bfr::Surface<REAL> *surface) {
-    auto const &factory = mesh.factory();
+bool init_surface(Mesh const& mesh, std::int32_t face, std::int32_t channel,
+                  Bfr::Surface<REAL>* surface) {
+    auto const& factory = mesh.factory();
     if (face < 0 || face >= factory.GetNumFaces()) {
         return false;
     }
@@ -43,9 +43,9 @@ bool init_surface(Mesh const &mesh, std::int32_t face, std::int32_t channel,
                        : factory.InitFaceVaryingSurface(face, surface, channel);
 }
 
-// Control points that a regular quad patch does not depend on tell which of its sides are boundaries:
-// their weights are zero inside.
-std::uint8_t boundary_mask(Bfr::Surface<float> const &surface) {
+// Control points that a regular quad patch does not depend on tell which of its sides are
+// boundaries: their weights are zero inside.
+std::uint8_t boundary_mask(Bfr::Surface<float> const& surface) {
     float const centre[2] = {0.5f, 0.5f};
     float w[16];
     surface.EvaluateStencil(centre, w);
@@ -53,16 +53,15 @@ std::uint8_t boundary_mask(Bfr::Surface<float> const &surface) {
         return w[a] == 0 && w[b] == 0 && w[c] == 0 && w[d] == 0;
     };
     return static_cast<std::uint8_t>((zero(0, 1, 2, 3) ? 1 : 0) | (zero(3, 7, 11, 15) ? 2 : 0) |
-                                     (zero(12, 13, 14, 15) ? 4 : 0) |
-                                     (zero(0, 4, 8, 12) ? 8 : 0));
+                                     (zero(12, 13, 14, 15) ? 4 : 0) | (zero(0, 4, 8, 12) ? 8 : 0));
 }
 
-}  // namespace
+} // namespace
 
 // Remembers the key of the last look-up, which names the irregular topology of a surface.
 class PatchCache : public ThreadedCache {
-  protected:
-    DataType Find(KeyType const &key) const override {
+protected:
+    DataType Find(KeyType const& key) const override {
         last_key = key;
         return ThreadedCache::Find(key);
     }
@@ -86,7 +85,7 @@ bool Mesh::has_limit(std::int32_t face) const { return factory_->FaceHasLimitSur
 
 bool Mesh::is_quad_scheme() const { return refiner_->GetSchemeType() != Sdc::SCHEME_LOOP; }
 
-std::shared_ptr<Mesh> make_mesh(MeshSpec const &spec, std::shared_ptr<PatchCache> cache) {
+std::shared_ptr<Mesh> make_mesh(MeshSpec const& spec, std::shared_ptr<PatchCache> cache) {
     Far::TopologyDescriptor desc;
     desc.numVertices = spec.vertex_count;
     desc.numFaces = static_cast<int>(spec.counts.size());
@@ -138,7 +137,7 @@ std::shared_ptr<Mesh> make_mesh(MeshSpec const &spec, std::shared_ptr<PatchCache
 
 std::unique_ptr<Patch> make_patch() { return std::make_unique<Patch>(); }
 
-PatchInfo Patch::bind(Mesh const &mesh, std::int32_t face, std::int32_t channel,
+PatchInfo Patch::bind(Mesh const& mesh, std::int32_t face, std::int32_t channel,
                       rust::Slice<float const> values, std::size_t size) {
     PatchInfo info{};
     last_key = 0;
@@ -175,9 +174,7 @@ void Patch::complete() {
     surface_.ComputePatchPoints(points_.data(), layout);
 }
 
-rust::Slice<float const> Patch::signature() const {
-    return {signature_.data(), signature_.size()};
-}
+rust::Slice<float const> Patch::signature() const { return {signature_.data(), signature_.size()}; }
 
 rust::Slice<float const> Patch::points() const { return {points_.data(), points_.size()}; }
 
@@ -193,7 +190,7 @@ void Patch::evaluate(rust::Slice<float const> uv, bool derivatives) {
     }
     Bfr::Surface<float>::PointDescriptor const layout(static_cast<int>(size_));
     for (std::size_t i = 0; i < count; ++i) {
-        float const *at = uv.data() + 2 * i;
+        float const* at = uv.data() + 2 * i;
         if (derivatives) {
             surface_.Evaluate(at, points_.data(), layout, position_.data() + i * size_,
                               du_.data() + i * size_, dv_.data() + i * size_);
@@ -207,7 +204,7 @@ rust::Slice<float const> Patch::position() const { return {position_.data(), pos
 rust::Slice<float const> Patch::du() const { return {du_.data(), du_.size()}; }
 rust::Slice<float const> Patch::dv() const { return {dv_.data(), dv_.size()}; }
 
-Weights::Weights(Mesh const &mesh, std::int32_t face, std::int32_t channel) {
+Weights::Weights(Mesh const& mesh, std::int32_t face, std::int32_t channel) {
     if (!init_surface(mesh, face, channel, &surface_)) {
         throw std::runtime_error("the face has no limit surface");
     }
@@ -235,7 +232,7 @@ rust::Slice<double const> Weights::stencils() {
     return {stencils_.data(), stencils_.size()};
 }
 
-std::unique_ptr<Weights> make_weights(Mesh const &mesh, std::int32_t face, std::int32_t channel) {
+std::unique_ptr<Weights> make_weights(Mesh const& mesh, std::int32_t face, std::int32_t channel) {
     return std::make_unique<Weights>(mesh, face, channel);
 }
 
@@ -249,4 +246,4 @@ std::array<float, 2> sub_face_origin(std::int32_t face_size, std::int32_t i) {
     return uv;
 }
 
-}  // namespace hdtrapeze::osd
+} // namespace hdtrapeze::osd

@@ -23,24 +23,24 @@ struct PatchInfo;
 class PatchCache;
 
 class Mesh {
-  public:
+public:
     Mesh(std::unique_ptr<OpenSubdiv::Far::TopologyRefiner> refiner,
          std::shared_ptr<PatchCache> cache);
     ~Mesh();
     bool has_limit(std::int32_t face) const;
 
-    OpenSubdiv::Bfr::RefinerSurfaceFactoryBase const &factory() const { return *factory_; }
+    OpenSubdiv::Bfr::RefinerSurfaceFactoryBase const& factory() const { return *factory_; }
     bool is_quad_scheme() const;
 
-  private:
+private:
     std::unique_ptr<OpenSubdiv::Far::TopologyRefiner> refiner_;
     std::shared_ptr<PatchCache> cache_;
     std::unique_ptr<OpenSubdiv::Bfr::RefinerSurfaceFactoryBase> factory_;
 };
 
 class Patch {
-  public:
-    PatchInfo bind(Mesh const &mesh, std::int32_t face, std::int32_t channel,
+public:
+    PatchInfo bind(Mesh const& mesh, std::int32_t face, std::int32_t channel,
                    rust::Slice<float const> values, std::size_t size);
     rust::Slice<float const> signature() const;
     rust::Slice<float const> points() const;
@@ -50,28 +50,28 @@ class Patch {
     rust::Slice<float const> du() const;
     rust::Slice<float const> dv() const;
 
-  private:
+private:
     OpenSubdiv::Bfr::Surface<float> surface_;
     std::size_t size_ = 0;
     std::vector<float> signature_, points_, position_, du_, dv_;
 };
 
 class Weights {
-  public:
-    Weights(Mesh const &mesh, std::int32_t face, std::int32_t channel);
+public:
+    Weights(Mesh const& mesh, std::int32_t face, std::int32_t channel);
     rust::Slice<double const> at(double u, double v);
     rust::Slice<double const> stencils();
 
-  private:
+private:
     OpenSubdiv::Bfr::Surface<double> surface_;
     std::vector<double> identity_, result_, stencils_;
 };
 
 std::int32_t library_version();
 std::shared_ptr<PatchCache> make_cache();
-std::shared_ptr<Mesh> make_mesh(MeshSpec const &spec, std::shared_ptr<PatchCache> cache);
+std::shared_ptr<Mesh> make_mesh(MeshSpec const& spec, std::shared_ptr<PatchCache> cache);
 std::unique_ptr<Patch> make_patch();
-std::unique_ptr<Weights> make_weights(Mesh const &mesh, std::int32_t face, std::int32_t channel);
+std::unique_ptr<Weights> make_weights(Mesh const& mesh, std::int32_t face, std::int32_t channel);
 std::array<float, 2> sub_face_origin(std::int32_t face_size, std::int32_t i);
 
-}  // namespace hdtrapeze::osd
+} // namespace hdtrapeze::osd
