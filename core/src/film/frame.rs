@@ -246,6 +246,35 @@ mod tests {
     }
 
     #[test]
+    fn signed_weights_leave_a_constant_as_it_is() {
+        let frame = Frame::new([1, 1], None, &[Aov::Color]).unwrap();
+        let mut tile = frame.tile(0);
+        for weight in [1.2, 1.2, -1.2, 1.2, 1.2, 1.2] {
+            let color = [0.25, 0.5, 2.0, 1.0];
+            tile.add(
+                0,
+                &Sample {
+                    weight,
+                    color,
+                    ..Sample::default()
+                },
+            );
+            tile.samples += 1;
+        }
+        drop(tile);
+        let Some(AovImage {
+            data: AovData::F32(color),
+            ..
+        }) = frame.aov(Aov::Color)
+        else {
+            panic!()
+        };
+        for (got, want) in color.iter().zip([0.25, 0.5, 2.0, 1.0]) {
+            assert!((got - want).abs() < 1e-6);
+        }
+    }
+
+    #[test]
     fn absurd_films_are_refused() {
         let new = |r, c| Frame::new(r, c, &[Aov::Color]).err();
         assert_eq!(new([0, 5], None), Some(FrameError::Resolution(0, 5)));

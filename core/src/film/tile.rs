@@ -2,6 +2,9 @@
 
 use crate::aov::Aov;
 
+/// Mean weight of a pixel's samples below which their sum is not divided by.
+const LEAST_WEIGHT: f64 = 0.5;
+
 /// What one camera sample brings home.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Sample {
@@ -92,7 +95,7 @@ impl Keeps {
     /// Bytes a pixel.
     pub fn bytes(self) -> usize {
         let size = |keep: bool, bytes: usize| if keep { bytes } else { 0 };
-        size(self.color, 32)
+        size(self.color, 40)
             + size(self.point, size_of::<PointSample>())
             + size(self.means, size_of::<Means>())
             + size(self.cost, 16)
@@ -112,7 +115,8 @@ pub struct Tile {
     pub height: u32,
     /// Samples that every pixel of the tile has.
     pub samples: u32,
-    color: Vec<[f64; 4]>,
+    /// Weighted radiance and coverage, and the weights.
+    color: Vec<[f64; 5]>,
     point: Vec<PointSample>,
     means: Vec<Means>,
     cost: Vec<[f64; 2]>,
@@ -133,7 +137,7 @@ impl Tile {
             width,
             height,
             samples: 0,
-            color: vec![[0.0; 4]; count(keeps.color)],
+            color: vec![[0.0; 5]; count(keeps.color)],
             point: vec![no_point; count(keeps.point)],
             means: vec![Means::default(); count(keeps.means)],
             cost: vec![[0.0; 2]; count(keeps.cost)],
@@ -147,6 +151,7 @@ impl Tile {
             for (sum, v) in sum.iter_mut().zip(sample.color) {
                 *sum += f64::from(sample.weight * v);
             }
+            sum[4] += f64::from(sample.weight);
         }
         if let Some(point) = self.point.get_mut(i)
             && sample.distance2 < point.distance2
@@ -185,7 +190,15 @@ impl Tile {
         };
         match aov {
             Aov::Color => {
-                let [r, g, b, a] = self.color[i].map(|s| (s / n) as f32);
+                let sums = &self.color[i];
+                // The weights' own sum keeps what is constant constant. Of few samples of a filter
+                // with negative lobes it may be next to nothing: then their expected sum.
+                let weight = if sums[4] > LEAST_WEIGHT * n {
+                    sums[4]
+                } else {
+                    n
+                };
+                let [r, g, b, a] = [0, 1, 2, 3].map(|c| (sums[c] / weight) as f32);
                 // Negative lobes can leave a hair outside what coverage can be.
                 out.extend([r, g, b, a.clamp(0.0, 1.0)]);
             }
