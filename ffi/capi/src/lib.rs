@@ -10,6 +10,8 @@
 //!
 //! From Rust the same functions can be called directly; what the header demands of pointers is
 //! their safety contract.
+// The documentation becomes the C header's comments, where brackets are array indices.
+#![allow(rustdoc::broken_intra_doc_links)]
 #![allow(unsafe_code)]
 // Every function has one contract for its pointers, which the header states at its top.
 #![allow(clippy::missing_safety_doc)]
