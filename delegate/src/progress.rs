@@ -116,7 +116,7 @@ pub struct Statistics {
     pub build_seconds: f64,
     /// Seconds spent on tracing, shading and filtering.
     pub trace_seconds: f64,
-    /// Seconds of the commit and the render.
+    /// Seconds of the last commit that prepared anything, and of the render.
     pub total_seconds: f64,
     /// Rays traced.
     pub rays: u64,

@@ -444,7 +444,7 @@ fn render_all(
     let all = &mut status.statistics;
     all.film_bytes = frame.bytes();
     all.trace_seconds = statistics.seconds;
-    all.total_seconds += statistics.seconds;
+    all.total_seconds = prepared.statistics().total_seconds + statistics.seconds;
     all.rays = statistics.counts.rays;
     all.node_tests = statistics.counts.node_tests;
     all.cell_tests = statistics.counts.cell_tests;

@@ -241,3 +241,21 @@ def test_defocus_is_the_mean_over_the_lens():
     camera.GetFocusDistanceAttr().Set(12.0)
     same, figures = agree(blurred(stage), over_lens)
     assert not same, f"a wrong focus went unseen: {figures}"
+
+
+def test_points_under_acceleration_follow_the_parabola():
+    """From rest at the frame, y = a t^2 / 2: over -0.5..0.5 its mean is a / 24."""
+    acceleration = 24.0
+    stage = new_stage()
+    stage.SetTimeCodesPerSecond(24)
+    add_camera(stage, **{"shutter:open": -0.5, "shutter:close": 0.5})
+    quad = add_quad(stage, x0=-0.05, y0=-0.05, x1=0.05, y1=0.05)
+    quad.GetPointsAttr().Set(quad.GetPointsAttr().Get(), 0)
+    quad.CreateVelocitiesAttr().Set([(6.0 * 24, 0, 0)] * 4, 0)
+    quad.CreateAccelerationsAttr().Set([(0, acceleration * 24**2, 0)] * 4, 0)
+    size = 200
+    alpha = render(stage, frame=0.0, width=size, height=size, samples=1024).alpha
+    rows = size / 2 - 0.5 - np.arange(size)
+    mean = (alpha.sum(axis=1) * rows).sum() / alpha.sum()
+    pixels_per_unit = size / 10
+    assert mean == pytest.approx(acceleration / 24 * pixels_per_unit, rel=0.01)

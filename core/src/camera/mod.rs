@@ -53,6 +53,10 @@ impl Camera {
     ) -> Result<(Self, CameraNotes), TransformError> {
         let mut notes = Vec::new();
         let poses = Poses::new(&desc.transform, shutter)?;
+        if poses.is_singular() {
+            let text = "its transform cannot be inverted; it looks along the world's -z";
+            notes.push(text.to_owned());
+        }
         let origin = poses.at(0.5).translation;
         let (clipping, note) = usable_clipping(desc.clipping);
         notes.extend(note);

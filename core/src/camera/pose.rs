@@ -25,6 +25,7 @@ struct Pose {
 pub struct Poses {
     key_times: Vec<f64>,
     poses: Vec<Pose>,
+    is_singular: bool,
 }
 
 impl Poses {
@@ -35,11 +36,21 @@ impl Poses {
     pub fn new(samples: &[TransformSamples], shutter: Shutter) -> Result<Self, TransformError> {
         let hierarchy = Hierarchy::new(samples, shutter)?;
         let key_times = hierarchy.key_times();
-        let poses: Vec<Pose> = key_times
+        let matrices: Vec<DAffine3> = key_times.iter().map(|&t| hierarchy.matrix(t)).collect();
+        let is_singular = matrices
             .iter()
-            .map(|&t| split(&hierarchy.matrix(t)))
-            .collect();
-        Ok(Self { key_times, poses })
+            .any(|m| polar_rotation(&m.matrix3).is_none());
+        let poses = matrices.iter().map(split).collect();
+        Ok(Self {
+            key_times,
+            poses,
+            is_singular,
+        })
+    }
+
+    /// True when a key's matrix cannot be inverted: there the camera looks along the world's -z.
+    pub fn is_singular(&self) -> bool {
+        self.is_singular
     }
 
     /// True when there is more than one key.

@@ -139,6 +139,17 @@ fn bad_cameras_get_a_note_and_something_usable() {
     assert_eq!(notes.len(), 4, "{notes:?}");
     let ray = camera.ray(Vec2::new(1.0, 1.0), Vec2::ONE, 0.0);
     assert!(ray.dir.is_finite() && ray.t_max > ray.t_min && camera.lens_radius() == 0.0);
+    let flat = TransformSamples {
+        times: vec![0.0],
+        matrices: vec![DMat4::from_scale(DVec3::new(1.0, 0.0, 1.0))],
+    };
+    let singular = CameraDesc {
+        transform: vec![flat],
+        ..CameraDesc::default()
+    };
+    let (camera, notes) = Camera::new(&singular, &settings(10, 10), Shutter::default()).unwrap();
+    assert_eq!(notes.len(), 1);
+    assert!(camera.ray(Vec2::ONE, Vec2::ZERO, 0.0).dir.is_finite());
     let no_focus = CameraDesc {
         f_stop: 2.8,
         ..CameraDesc::default()

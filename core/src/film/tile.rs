@@ -193,7 +193,7 @@ impl Tile {
                 let sums = &self.color[i];
                 // The weights' own sum keeps what is constant constant. Of few samples of a filter
                 // with negative lobes it may be next to nothing: then their expected sum.
-                let weight = if sums[4] > LEAST_WEIGHT * n {
+                let weight = if sums[4].abs() > LEAST_WEIGHT * n {
                     sums[4]
                 } else {
                     n

@@ -15,7 +15,7 @@ pub struct WorldRay {
     pub dir: Vec3,
     /// In [0, 1] across the shutter.
     pub time: f32,
-    /// Nearest distance, in units of `dir`.
+    /// Nearest distance, in units of `dir`; below 0 is 0.
     pub t_min: f32,
     /// Farthest distance.
     pub t_max: f32,
@@ -57,12 +57,16 @@ impl Prepared {
     }
 
     fn trace_one(&self, ray: &WorldRay) -> WorldHit {
+        // Traced with a direction of unit length, so that its length does not matter to f32.
+        let dir = ray.dir.as_dvec3();
+        let length = dir.length();
+        let scaled = |t: f32| (f64::from(t).max(0.0) * length) as f32;
         let local = Ray {
             origin: (ray.origin - self.camera.origin()).as_vec3(),
-            dir: ray.dir,
+            dir: (dir / length).as_vec3(),
             time: ray.time,
-            t_min: ray.t_min,
-            t_max: ray.t_max,
+            t_min: scaled(ray.t_min),
+            t_max: scaled(ray.t_max),
         };
         let hit = self.world.trace(&local, &mut TraceCounts::default());
         if !hit.is_hit() {
@@ -80,7 +84,7 @@ impl Prepared {
         }
         let (entry, prim) = self.hit_prim(&hit);
         WorldHit {
-            t: hit.t,
+            t: (f64::from(hit.t) / length) as f32,
             u: hit.u,
             v: hit.v,
             normal: self

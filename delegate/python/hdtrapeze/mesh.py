@@ -10,6 +10,7 @@ from pxr import Usd, UsdGeom
 
 from .log import SceneLog
 from .shutter import Shutter, bracketing_samples
+from .transforms import MAX_KEYS, TOLERANCE
 
 SCHEMES = {
     "catmullClark": "CATMULL_CLARK",
@@ -139,9 +140,29 @@ def _by_velocities(mesh: UsdGeom.PointBased, shutter: Shutter) -> Points | None:
         return None  # USD ignores velocities that do not fit
     times = [shutter.open, shutter.close] if shutter.moves else [shutter.open]
     if shutter.moves and mesh.GetAccelerationsAttr().HasAuthoredValue():
-        times = list(np.linspace(shutter.open, shutter.close, 5))
+        times = _acceleration_times(mesh, shutter, _array(points))
     arrays = [_array(mesh.ComputePointsAtTime(shutter.code(time), shutter.time)) for time in times]
     return Points(times, arrays, True)
+
+
+def _acceleration_times(
+    mesh: UsdGeom.PointBased, shutter: Shutter, points: np.ndarray
+) -> list[float]:
+    """Times between which points under acceleration stay within a tolerance of straight lines.
+
+    The chord of a parabola misses it by a dt^2 / 8. The tolerance is that of curved transforms,
+    relative to the size of the mesh or of its path.
+    """
+    accelerations = mesh.GetAccelerationsAttr().Get(shutter.time)
+    if accelerations is None or len(accelerations) != len(points):
+        return [shutter.open, shutter.close]
+    per_code = mesh.GetPrim().GetStage().GetTimeCodesPerSecond() ** -2
+    span = shutter.close - shutter.open
+    bend = np.linalg.norm(_array(accelerations), axis=1).max() * per_code * span**2 / 8.0
+    size = max(np.ptp(points, axis=0).max(), bend, 1e-30)
+    ratio = bend / (TOLERANCE * size)
+    count = int(np.clip(np.ceil(np.sqrt(ratio)), 1, MAX_KEYS - 1)) if np.isfinite(ratio) else 1
+    return list(np.linspace(shutter.open, shutter.close, count + 1))
 
 
 def _array(value) -> np.ndarray:

@@ -587,7 +587,7 @@ typedef struct trz_ray {
   float dir[3];
   // In [0, 1] across the shutter; clamped.
   float time;
-  // Hits nearer than this are ignored; in units of dir's length.
+  // Hits nearer than this are ignored; in units of dir's length. Below 0 is 0.
   float t_min;
   // Hits farther than this are ignored; infinity for no limit.
   float t_max;

@@ -381,7 +381,7 @@ pub struct trz_ray {
     pub dir: [f32; 3],
     /// In [0, 1] across the shutter; clamped.
     pub time: f32,
-    /// Hits nearer than this are ignored; in units of dir's length.
+    /// Hits nearer than this are ignored; in units of dir's length. Below 0 is 0.
     pub t_min: f32,
     /// Hits farther than this are ignored; infinity for no limit.
     pub t_max: f32,
