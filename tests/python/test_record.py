@@ -1,5 +1,6 @@
 """The command: files, flags, messages and exit codes."""
 
+import argparse
 import json
 import os
 import signal
@@ -11,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hdtrapeze.cli import main
+from hdtrapeze.flags import add_record_flags
 from images import exr_header, read_png
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdRender
 from scenes import add_camera, add_cube, add_quad, new_stage, quad_coverage, set_samples
@@ -169,6 +171,65 @@ def test_render_settings(scene, tmp_path, capsys):
     assert read_png(out).shape == (10, 20, 4)
     assert run("record", path, out, "--samples", 1, "-rs", "/Render/none") == 1
     assert "/Render/none" in capsys.readouterr().err
+
+
+USDRECORD_FLAGS = [
+    "--mask",
+    "--purposes",
+    "--sessionLayer",
+    "--disableGpu",
+    "--disableDrawMode",
+    "--disableCameraLight",
+    "--resolverContext",
+    "--camera",
+    "-cam",
+    "--defaultTime",
+    "-d",
+    "--frames",
+    "-f",
+    "--complexity",
+    "-c",
+    "--colorCorrectionMode",
+    "-color",
+    "--renderer",
+    "-r",
+    "--imageWidth",
+    "-w",
+    "--enableDomeLightVisibility",
+    "--renderPassPrimPath",
+    "-rp",
+    "--renderSettingsPrimPath",
+    "-rs",
+    "--traceToFile",
+    "--traceFormat",
+    "--memstats",
+    "--abortOnError",
+]
+
+
+def test_every_flag_of_usdrecord_is_known():
+    parser = argparse.ArgumentParser()
+    add_record_flags(parser)
+    assert [flag for flag in USDRECORD_FLAGS if flag not in parser._option_string_actions] == []
+
+
+def test_resolver_context(scene, tmp_path):
+    for context in ("root", "inherit"):
+        out = tmp_path / f"{context}.png"
+        assert run("record", scene, out, *SMALL, "--resolverContext", context) == 0
+        assert alpha(out).any()
+    assert run("record", scene, out, *SMALL, "--resolverContext", "none") == 2
+
+
+def test_an_unforeseen_fault_is_one_line(scene, tmp_path, capsys, monkeypatch):
+    def fail(*_):
+        raise ZeroDivisionError("first line\nsecond line")
+
+    monkeypatch.setattr("hdtrapeze.record.open_stage", fail)
+    assert run("record", scene, tmp_path / "a.png") == 1
+    assert capsys.readouterr().err == "error: ZeroDivisionError: first line\n"
+    assert run("record", scene, tmp_path / "a.png", "--verbose") == 1
+    assert "Traceback" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

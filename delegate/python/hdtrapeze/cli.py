@@ -3,6 +3,7 @@
 import os
 import signal
 import sys
+import traceback
 
 from . import errors, native
 from .flags import make_parser
@@ -11,8 +12,9 @@ from .log import set_up_command
 
 def main(arguments: list[str] | None = None) -> int:
     """Runs the command and gives its exit code (see flags.EXIT_CODES)."""
+    arguments = sys.argv[1:] if arguments is None else arguments
     try:
-        return _run(sys.argv[1:] if arguments is None else arguments)
+        return _run(arguments)
     except errors.Interrupted as error:
         print(f"error: {error}", file=sys.stderr)
         return error.exit_code
@@ -26,6 +28,12 @@ def main(arguments: list[str] | None = None) -> int:
     except BrokenPipeError:  # the reader of stdout has gone
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 128 + signal.SIGPIPE
+    except Exception as error:  # nobody foresaw it: still one line, and the rest for who asks
+        if {"--verbose", "-v"} & set(arguments):
+            traceback.print_exc()
+        lines = str(error).strip().splitlines()
+        print(f"error: {': '.join([type(error).__name__, *lines[:1]])}", file=sys.stderr)
+        return errors.EXIT_RENDER
 
 
 def _run(arguments: list[str]) -> int:

@@ -101,7 +101,12 @@ def _add_usdrecord_flags(group) -> None:
         help="purposes rendered besides default: proxy, render, guide (default: proxy)",
     )
     add("--sessionLayer", metavar="FILE", help="session layer in place of an empty one")
-    add("--resolver", choices=("root", "inherit"), default="root", help="asset resolver context")
+    add(
+        "--resolverContext",
+        choices=("root", "inherit"),
+        default="root",
+        help="asset resolver context: the root layer's, or the environment's (default: root)",
+    )
     add("--camera", "-cam", metavar="CAMERA", help="path or name of the camera")
     times = group.add_mutually_exclusive_group()
     times.add_argument("--defaultTime", "-d", action="store_true", help="render the default time")

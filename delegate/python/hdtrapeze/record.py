@@ -69,7 +69,7 @@ def _record(args, trace: Trace) -> None:
     options.validate()
     log = SceneLog()
     with trace.span("open stage"):
-        stage = open_stage(args.usdFilePath, args.mask, args.sessionLayer, args.resolver)
+        stage = open_stage(args.usdFilePath, args.mask, args.sessionLayer, args.resolverContext)
     settings = find_render_settings(
         stage, args.renderSettingsPrimPath, args.renderPassPrimPath, log
     )
