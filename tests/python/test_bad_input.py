@@ -89,7 +89,7 @@ def test_a_mesh_with_nothing_is_silent(stage, scheme):
     np.testing.assert_array_equal(image.alpha, quad_coverage(*GOOD))
 
 
-def test_attributes_of_another_type(stage):
+def test_meshes_with_attributes_of_another_type(stage):
     for name, kind, value in (
         ("points", Sdf.ValueTypeNames.IntArray, Vt.IntArray([1, 2, 3])),
         ("faceVertexIndices", Sdf.ValueTypeNames.StringArray, Vt.StringArray(["a"])),
@@ -106,6 +106,98 @@ def test_attributes_of_another_type(stage):
         "/bad_faceVertexCounts",
     }
     np.testing.assert_array_equal(image.alpha, quad_coverage(*GOOD))
+
+
+def retype(prim, name, kind=Sdf.ValueTypeNames.String, value="x"):
+    """Authors an attribute with another type than its schema's."""
+    spec = prim.GetStage().GetRootLayer().GetPrimAtPath(prim.GetPath())
+    if name in spec.properties:
+        spec.RemoveProperty(spec.properties[name])
+    Sdf.AttributeSpec(spec, name, kind).default = value
+
+
+@pytest.mark.parametrize(
+    ("kind", "name"),
+    [
+        (UsdGeom.Cube, "size"),
+        (UsdGeom.Cube, "orientation"),
+        (UsdGeom.Plane, "width"),
+        (UsdGeom.Plane, "length"),
+        (UsdGeom.PointInstancer, "protoIndices"),
+        (UsdGeom.Mesh, "points"),
+    ],
+)
+def test_one_prim_with_an_attribute_of_another_type(stage, kind, name):
+    prim = kind.Define(stage, "/bad").GetPrim()
+    if kind is UsdGeom.PointInstancer:
+        UsdGeom.PointInstancer(prim).CreatePositionsAttr([Gf.Vec3f(0)])
+    retype(prim, name)
+    check(stage, "another type", shown=False)
+
+
+def test_a_number_written_as_a_string_is_no_number(stage):
+    retype(UsdGeom.Cube.Define(stage, "/bad").GetPrim(), "size", value="2")
+    check(stage, "size is '2'", shown=False)
+
+
+def test_a_transform_op_of_another_type_is_no_transform(stage):
+    parent = UsdGeom.Xform.Define(stage, "/bad")
+    parent.AddTranslateOp().Set(Gf.Vec3d(1, 0, 0))
+    retype(parent.GetPrim(), "xformOp:translate")
+    add_quad(stage, "/bad/one")
+    add_quad(stage, "/bad/two", -4, -4, -3, -3)
+    image = check(stage, "transform is taken as none", shown=True)
+    expected = quad_coverage(-2, -2, 2, 2) + quad_coverage(*GOOD) + quad_coverage(-4, -4, -3, -3)
+    np.testing.assert_array_equal(image.alpha, expected)
+
+
+def test_a_fault_of_a_later_frame_takes_the_prim_away(stage):
+    cube = UsdGeom.Cube.Define(stage, "/bad")
+    with Renderer(Options(width=40, height=40, samples=4, filter="box")) as renderer:
+        renderer.load(stage, 0.0, UsdGeom.Camera.Get(stage, "/camera"))
+        renderer.render()
+        assert renderer.aov("color")[20, 20, 3] == 1
+        retype(cube.GetPrim(), "size")
+        renderer.load(stage, 1.0, UsdGeom.Camera.Get(stage, "/camera"))
+        renderer.render()
+        np.testing.assert_array_equal(renderer.aov("color")[..., 3], quad_coverage(*GOOD))
+        assert [w[0] for w in renderer.log.warnings] == ["/bad"]
+
+
+@pytest.mark.parametrize(
+    ("name", "fallback"),
+    [
+        ("focalLength", "50.0"),
+        ("horizontalAperture", "20.954999923706055"),
+        ("focusDistance", "0"),
+        ("fStop", "0"),
+        ("shutter:open", "0"),
+        ("shutter:close", "0"),
+        ("clippingRange", "(1, 1000000)"),
+        ("projection", "perspective"),
+    ],
+)
+def test_camera_attributes_of_another_type_fall_back(stage, name, fallback):
+    retype(stage.GetPrimAtPath("/camera"), name)
+    add_quad(stage)
+    image = render(stage)
+    one_warning(image, "/camera", name, "'x'", f"{fallback} is used")
+    assert image.alpha.any()
+
+
+def test_three_bad_primvars_are_three_warnings(stage):
+    mesh = add_quad(stage, "/bad")
+    for name, kind in (
+        ("displayColor", Sdf.ValueTypeNames.Color3fArray),
+        ("displayOpacity", Sdf.ValueTypeNames.FloatArray),
+        ("normals", Sdf.ValueTypeNames.Normal3fArray),
+    ):
+        primvar = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar(name, kind, "vertex")
+        primvar.Set([1.0] * 3 if name == "displayOpacity" else [Gf.Vec3f(1)] * 3)
+    image = render(stage)
+    assert len(image.warnings) == 3, image.warnings
+    for name in ("displayColor", "displayOpacity", "normals"):
+        assert sum(name in text for _, _, text in image.warnings) == 1
 
 
 @SCHEMES
@@ -283,6 +375,65 @@ def test_lens_without_focus_distance(stage):
     image = render(stage)
     assert [w[0] for w in image.warnings] == ["/camera"]
     np.testing.assert_array_equal(image.alpha, quad_coverage(*GOOD))
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    "matrix",
+    [
+        Gf.Matrix4d(1).SetTranslate(Gf.Vec3d(1e30, 0, 0)),
+        Gf.Matrix4d(1).SetScale(1e200),
+        Gf.Matrix4d(*[NAN] * 16),
+    ],
+    ids=["far", "huge", "nan"],
+)
+def test_framing_leaves_out_what_is_absurd(matrix):
+    stage, plain = new_stage(), new_stage()
+    for one in (stage, plain):
+        UsdGeom.Xform.Define(one, "/world")
+        add_quad(one, "/world/good")
+    add_quad(stage, "/world/bad").AddTransformOp().Set(matrix)
+    image = render(stage)
+    one_warning(image, "/world/bad")
+    np.testing.assert_array_equal(image["color"], render(plain)["color"])
+    assert image.alpha.any()
+
+
+def test_framing_leaves_out_what_cannot_be_read():
+    stage = new_stage()
+    add_quad(stage)
+    bad = UsdGeom.Xform.Define(stage, "/bad")
+    bad.AddTranslateOp().Set(Gf.Vec3d(0))
+    retype(bad.GetPrim(), "xformOp:translate")
+    add_quad(stage, "/bad/quad")
+    image = render(stage)
+    one_warning(image, "/bad", "transform")
+    assert image.alpha.any()
+
+
+def test_projections_that_are_none(stage):
+    UsdGeom.Camera.Get(stage, "/camera").GetProjectionAttr().Set("fisheye")
+    image = render(stage)
+    one_warning(image, "/camera", "fisheye", "perspective is used")
+    np.testing.assert_array_equal(image.alpha, quad_coverage(*GOOD))
+
+
+def test_clipping_behind_the_camera(stage):
+    UsdGeom.Camera.Get(stage, "/camera").GetClippingRangeAttr().Set(Gf.Vec2f(-10, 100))
+    one_warning(render(stage), "/camera", "clippingRange", "-10")
+
+
+def test_clipping_planes_are_named(stage):
+    UsdGeom.Camera.Get(stage, "/camera").CreateClippingPlanesAttr([Gf.Vec4f(0, 0, 1, 0)])
+    one_warning(render(stage), "/camera", "clippingPlanes", "not supported yet")
+
+
+def test_nothing_to_render_is_said_beside_other_warnings():
+    stage = new_stage()
+    add_camera(stage, projection="fisheye")
+    texts = [text for _, _, text in render(stage).warnings]
+    assert len(texts) == 2
+    assert any("nothing to render" in text for text in texts)
 
 
 def test_empty_stage():

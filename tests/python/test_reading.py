@@ -20,7 +20,7 @@ from scenes import add_camera, add_quad, new_stage, set_samples
 
 
 def world(stage, path, shutter, time):
-    levels = TransformReader(shutter).levels(stage.GetPrimAtPath(path))
+    levels = TransformReader(shutter, SceneLog()).levels(stage.GetPrimAtPath(path))
     return compose(levels, time), levels
 
 
@@ -127,7 +127,7 @@ def test_camera_units():
         exposure=1.0,
     )
     shutter = effective_shutter(camera, 4.0, None, False, SceneLog())
-    state = read_camera(camera, shutter, TransformReader(shutter))
+    state = read_camera(camera, shutter, TransformReader(shutter, SceneLog()), SceneLog())
     assert state.horizontal_aperture == pytest.approx(2.0)
     assert state.focal_length == pytest.approx(2.0)
     assert state.horizontal_aperture_offset == pytest.approx(0.3)

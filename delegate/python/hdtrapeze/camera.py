@@ -12,12 +12,16 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdRender, UsdUtils
 
 from .errors import SceneError, UsageError
+from .guard import FAULTS, fallback, number_or_fallback, reason
 from .log import SceneLog
 from .shutter import Shutter
 from .transforms import Level, TransformReader, static_level
 
 APERTURE_UNIT = 0.1
 """Scene units of one unit of aperture or focal length."""
+
+LARGEST_BOUND = 1e12
+"""Scene units: a prim that reaches farther from the origin is left out of the framing."""
 
 
 @dataclass
@@ -86,13 +90,15 @@ def named_camera(stage: Usd.Stage, wanted: str) -> UsdGeom.Camera:
     raise SceneError(f"No camera of this stage is named {wanted}.")
 
 
-def authored_shutter(camera: UsdGeom.Camera | None, frame: float | None) -> tuple[float, float]:
+def authored_shutter(
+    camera: UsdGeom.Camera | None, frame: float | None, log: SceneLog
+) -> tuple[float, float]:
     """The camera's shutter:open and shutter:close at the frame; zero without a camera."""
     if not camera or frame is None:
         return 0.0, 0.0
     time = Usd.TimeCode(frame)
-    opens, closes = camera.GetShutterOpenAttr().Get(time), camera.GetShutterCloseAttr().Get(time)
-    return float(opens or 0.0), float(closes or 0.0)
+    ends = (camera.GetShutterOpenAttr(), camera.GetShutterCloseAttr())
+    return tuple(number_or_fallback(attribute, time, log) for attribute in ends)
 
 
 def effective_shutter(
@@ -103,7 +109,7 @@ def effective_shutter(
     log: SceneLog,
 ) -> Shutter:
     """The shutter to read the stage for; `still` keeps only its opening."""
-    opens, closes = authored_shutter(camera, frame) if override is None else override
+    opens, closes = authored_shutter(camera, frame, log) if override is None else override
     if not (math.isfinite(opens) and math.isfinite(closes)):
         log.warn(
             camera.GetPath() if camera else "", "shutter", "the shutter is not finite; 0 is used"
@@ -119,20 +125,19 @@ def effective_shutter(
 
 
 def read_camera(
-    camera: UsdGeom.Camera, shutter: Shutter, transforms: TransformReader
+    camera: UsdGeom.Camera, shutter: Shutter, transforms: TransformReader, log: SceneLog
 ) -> CameraState:
-    """The camera at the frame."""
+    """The camera at the frame; what cannot be read falls back, with a warning."""
     time = shutter.time
 
     def number(attribute, factor=1.0):
-        value = attribute.Get(time)
-        return float(value if value is not None else 0.0) * factor
+        return number_or_fallback(attribute, time, log) * factor
 
-    clipping = camera.GetClippingRangeAttr().Get(time) or (1.0, 1e6)
+    _warn_unsupported(camera, time, log)
     return CameraState(
         path=str(camera.GetPath()),
         levels=transforms.levels(camera.GetPrim()),
-        projection=camera.GetProjectionAttr().Get(time) or "perspective",
+        projection=_projection(camera, time, log),
         horizontal_aperture=number(camera.GetHorizontalApertureAttr(), APERTURE_UNIT),
         vertical_aperture=number(camera.GetVerticalApertureAttr(), APERTURE_UNIT),
         horizontal_aperture_offset=number(camera.GetHorizontalApertureOffsetAttr(), APERTURE_UNIT),
@@ -140,10 +145,69 @@ def read_camera(
         focal_length=number(camera.GetFocalLengthAttr(), APERTURE_UNIT),
         focus_distance=number(camera.GetFocusDistanceAttr()),
         f_stop=number(camera.GetFStopAttr()),
-        clipping=(float(clipping[0]), float(clipping[1])),
+        clipping=_clipping(camera, time, log),
         shutter=(shutter.open, shutter.close),
-        exposure_scale=float(camera.ComputeLinearExposureScale(time)),
+        exposure_scale=_exposure_scale(camera, time, log),
     )
+
+
+def _projection(camera: UsdGeom.Camera, time: Usd.TimeCode, log: SceneLog) -> str:
+    value = camera.GetProjectionAttr().Get(time)
+    if value in ("perspective", "orthographic"):
+        return value
+    text = f"projection is {value!r}, neither perspective nor orthographic; perspective is used"
+    log.warn(camera.GetPath(), "projection", text)
+    return "perspective"
+
+
+def _clipping(camera: UsdGeom.Camera, time: Usd.TimeCode, log: SceneLog) -> tuple[float, float]:
+    attribute = camera.GetClippingRangeAttr()
+    value = attribute.Get(time)
+    try:
+        near, far = (float(end) for end in value)
+    except FAULTS:
+        text = f"clippingRange is {value!r}, which is no pair of numbers"
+        near, far = fallback(attribute, TypeError(text), log)
+    if near < 0.0:
+        text = f"clippingRange begins at {near:g}, behind the camera"
+        log.warn(camera.GetPath(), "clipping", text)
+    return near, far
+
+
+def _exposure_scale(camera: UsdGeom.Camera, time: Usd.TimeCode, log: SceneLog) -> float:
+    try:
+        return float(camera.ComputeLinearExposureScale(time))
+    except FAULTS as error:
+        text = f"its exposure cannot be read ({reason(error)}); 1 is used"
+        log.warn(camera.GetPath(), "type", text)
+        return 1.0
+
+
+def _warn_unsupported(camera: UsdGeom.Camera, time: Usd.TimeCode, log: SceneLog) -> None:
+    if camera.GetClippingPlanesAttr().Get(time):
+        text = "clippingPlanes are not supported yet: only clippingRange clips"
+        log.warn(camera.GetPath(), "unsupported-clipping-planes", text)
+
+
+def _sane_bounds(cache: UsdGeom.BBoxCache, root: Usd.Prim) -> Gf.Range3d:
+    """World bounds of the subtree, without what is not finite or farther than LARGEST_BOUND."""
+    box = Gf.Range3d()
+    pending = [root]
+    while pending:
+        prim = pending.pop()
+        try:
+            found = cache.ComputeWorldBound(prim).ComputeAlignedRange()
+        except FAULTS:
+            found = None  # something in it cannot be read
+        if found is not None and found.IsEmpty():
+            continue
+        if found is not None and all(
+            abs(x) <= LARGEST_BOUND for end in (found.min, found.max) for x in end
+        ):
+            box.UnionWith(found)
+        else:
+            pending += prim.GetFilteredChildren(Usd.TraverseInstanceProxies())
+    return box
 
 
 def framing_camera(stage: Usd.Stage, shutter: Shutter, purposes: list[str]) -> CameraState:
@@ -154,15 +218,10 @@ def framing_camera(stage: Usd.Stage, shutter: Shutter, purposes: list[str]) -> C
     """
     default = Gf.Camera()
     cache = UsdGeom.BBoxCache(shutter.time, purposes, True)
-    bounds = cache.ComputeWorldBound(stage.GetPseudoRoot())
-    box = bounds.ComputeAlignedRange()
+    box = _sane_bounds(cache, stage.GetPseudoRoot())
     center, size = np.zeros(3), np.zeros(3)
     if not box.IsEmpty():
-        center, size = np.array(bounds.ComputeCentroid()), np.array(box.GetSize())
-    if not (np.isfinite(center).all() and np.isfinite(size).all()):
-        raise SceneError(
-            "The stage's bounds are not finite, so no camera can frame it: add a camera."
-        )
+        center, size = np.array(box.GetMidpoint()), np.array(box.GetSize())
     z_up = UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z
     across, along = (size[[0, 2]], size[1]) if z_up else (size[[0, 1]], size[2])
     half_view = math.radians(default.GetFieldOfView(Gf.Camera.FOVHorizontal) / 2.0)

@@ -3,6 +3,7 @@
 import numpy as np
 from pxr import UsdGeom
 
+from .guard import number
 from .mesh import Points, Topology
 from .shutter import Shutter
 
@@ -19,7 +20,7 @@ _PLANE_AXES = {"X": (1, 2), "Y": (2, 0), "Z": (0, 1)}
 def read_cube(cube: UsdGeom.Cube, shutter: Shutter) -> tuple[Topology, Points]:
     """A cube of the authored size about the origin."""
     attribute = cube.GetSizeAttr()
-    size = attribute.Get(shutter.time)
+    size = number(attribute, shutter.time)
     topology = Topology(
         orientation=cube.GetOrientationAttr().Get() or "rightHanded",
         face_vertex_counts=np.full(6, 4, dtype=np.int32),
@@ -31,8 +32,8 @@ def read_cube(cube: UsdGeom.Cube, shutter: Shutter) -> tuple[Topology, Points]:
 
 def read_plane(plane: UsdGeom.Plane, shutter: Shutter) -> tuple[Topology, Points]:
     """A rectangle about the origin, facing along its axis."""
-    width = plane.GetWidthAttr().Get(shutter.time)
-    length = plane.GetLengthAttr().Get(shutter.time)
+    width = number(plane.GetWidthAttr(), shutter.time)
+    length = number(plane.GetLengthAttr(), shutter.time)
     axis = plane.GetAxisAttr().Get() or "Z"
     # Width runs along x (along z where the plane faces x), length along y (along z for y).
     u, v = _PLANE_AXES.get(axis, (0, 1))

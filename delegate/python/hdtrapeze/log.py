@@ -1,8 +1,8 @@
 """Messages to people: Python's logging, one line each, and no line twice.
 
 Everything goes to the logger `hdtrapeze`. A message about a prim carries its path and a stable
-code; per run it is shown once per prim and code, whichever side (this package or the renderer)
-says it, and however many frames repeat it. On the command line the lines go to stderr as
+code; per run it is shown once per prim, code and text, whichever side (this package or the
+renderer) says it, and however many frames repeat it. On the command line the lines go to stderr as
 `warning: /prim/path: text`, above the progress bar.
 """
 
@@ -16,15 +16,14 @@ class SceneLog:
     """Collects what is said about one scene, and says it once."""
 
     def __init__(self):
-        self._seen: set[tuple[str, str, int]] = set()
+        self._seen: set[tuple[str, str, str, int]] = set()
         self.warnings: list[tuple[str, str, str]] = []
         """(prim path, code, text) of every warning or error said, in order."""
 
     def say(self, level: int, path: str, code: str, text: str) -> None:
-        """Logs `text` about the prim at `path`, unless that prim and code were named before."""
+        """Logs `text` about the prim at `path`, unless that was said before."""
         if level >= logging.WARNING:
-            # Without a code there is nothing to recognise a repetition by but the text.
-            key = (path, code or text, level)
+            key = (path, code, text, level)
             if key in self._seen:
                 return
             self._seen.add(key)

@@ -69,16 +69,16 @@ class Renderer:
         shutter = effective_shutter(
             camera, frame, options.shutter, not options.motion_blur, self.log
         )
-        transforms = TransformReader(shutter)
+        transforms = TransformReader(shutter, self.log)
         purposes = ["default", *(p for p in options.purposes if p != "default")]
         state = (
-            read_camera(camera, shutter, transforms)
+            read_camera(camera, shutter, transforms, self.log)
             if camera
             else framing_camera(stage, shutter, purposes)
         )
         self.camera = state
         self._scene.sync(stage, shutter, transforms)
-        if not (self._scene.mesh_count or self._scene.has_hidden or self.log.warnings):
+        if not (self._scene.mesh_count or self._scene.has_hidden):
             self.log.warn("", "empty", "the stage has nothing to render for the purposes asked for")
         if self._camera_id is None:
             self._camera_id = self.session.create_camera(state.path or "/framing_camera")

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from pxr import Tf, Usd, UsdGeom, UsdLux, UsdShade, UsdSkel
 
+from .guard import FAULTS, warn_unreadable
 from .implicit import read_cube, read_plane
 from .instances import InstancerReader, NativeInstances, Placement, PointInstances
 from .log import SceneLog
@@ -59,7 +60,7 @@ class SceneSync:
         self.prim_paths: dict[int, str] = {}
         """Prim path of each primId."""
         self.has_hidden = False
-        """Whether the last walk met anything invisible or empty."""
+        """Whether the last walk met anything invisible, empty, or left out with a warning."""
 
     @property
     def mesh_count(self) -> int:
@@ -112,8 +113,11 @@ class SceneSync:
                     continue
                 if imageable.GetPurposeAttr().HasAuthoredValue():
                     purpose = imageable.GetPurposeAttr().Get()
-                if self._visit(prim, purpose, instance, place, groups):
-                    continue
+                try:
+                    if self._visit(prim, purpose, instance, place, groups):
+                        continue
+                except FAULTS as error:
+                    self._leave_out(prim, error)
             elif prim.IsA(UsdShade.Material):
                 self._ignored["materials"] += 1
                 continue
@@ -141,6 +145,7 @@ class SceneSync:
             self._log.warn(
                 prim.GetPath(), "unsupported", f"{prim.GetTypeName()} is not supported yet"
             )
+            self.has_hidden = True
             return False
         if instance and not self._transforms.resets_below(prim, instance):
             prototype = prim.GetPrimInPrototype().GetPath()
@@ -150,6 +155,10 @@ class SceneSync:
             levels = self._transforms.levels(prim, place.top)
             self._emit(place.prefix + str(prim.GetPath()), prim, levels, place.placement)
         return False
+
+    def _leave_out(self, prim: Usd.Prim, error: Exception) -> None:
+        warn_unreadable(self._log, prim.GetPath(), error, "not rendered")
+        self.has_hidden = True
 
     def _emit_group(self, key, members, place: _Place) -> None:
         """Meshes that share a prototype's prim: one mesh with many places, or simply one."""
@@ -210,7 +219,14 @@ class SceneSync:
     # One mesh ------------------------------------------------------------------------------------
 
     def _emit(self, key: str, prim: Usd.Prim, levels: list[Level], placement) -> None:
-        """Sends what the session does not have yet of one mesh."""
+        """Sends what the session does not have yet of one mesh; a faulty one is left out."""
+        try:
+            self._send(key, prim, levels, placement)
+        except FAULTS as error:
+            self._seen.discard(key)
+            self._leave_out(prim, error)
+
+    def _send(self, key: str, prim: Usd.Prim, levels: list[Level], placement) -> None:
         sent = self._sent.get(key)
         if sent is None or sent.topology_varies or sent.points_varies:
             sent = self._emit_shape(key, sent, prim)
@@ -243,13 +259,8 @@ class SceneSync:
         shutter = self._shutter
         if prim.IsA(UsdGeom.Mesh):
             mesh = UsdGeom.Mesh(prim)
-            try:
-                topology = read_topology(mesh, shutter, self._log)
-                points = read_points(mesh, shutter, topology.varies)
-            except (TypeError, ValueError, OverflowError):
-                text = "points or topology have another type than USD's schema says; not rendered"
-                self._log.warn(prim.GetPath(), "type", text)
-                return None
+            topology = read_topology(mesh, shutter, self._log)
+            points = read_points(mesh, shutter, topology.varies)
             if UsdSkel.BindingAPI(prim).GetJointIndicesAttr().HasAuthoredValue():
                 text = "skinning is not supported yet: the rest shape is rendered"
                 self._log.warn(prim.GetPath(), "unsupported-skinning", text)

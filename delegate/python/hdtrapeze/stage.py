@@ -5,14 +5,8 @@ from pathlib import Path
 from pxr import Ar, Sdf, Tf, Usd, UsdRender
 
 from .errors import InputError, SceneError, UsageError
+from .guard import reason
 from .log import SceneLog
-
-
-def _reason(error: Exception) -> str:
-    """The message of a USD error without the C++ function it came from."""
-    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    texts = [line.rsplit(" : ", 1)[-1].strip("' ") for line in lines]
-    return "; ".join(texts) or "unknown reason"
 
 
 def open_layer(path: str) -> Sdf.Layer:
@@ -20,7 +14,7 @@ def open_layer(path: str) -> Sdf.Layer:
     try:
         layer = Sdf.Layer.FindOrOpen(path)
     except Tf.ErrorException as error:
-        raise InputError(f"{path} cannot be read: {_reason(error)}.") from None
+        raise InputError(f"{path} cannot be read: {reason(error)}.") from None
     if layer is None:
         if not Path(path).exists():
             raise InputError(f"{path} does not exist.")
@@ -49,7 +43,7 @@ def open_stage(
             population.Add(Sdf.Path(prim_path))
         return Usd.Stage.OpenMasked(root, session, context, population)
     except Tf.ErrorException as error:
-        raise InputError(f"{path} cannot be opened as a stage: {_reason(error)}.") from None
+        raise InputError(f"{path} cannot be opened as a stage: {reason(error)}.") from None
 
 
 def find_render_settings(

@@ -15,6 +15,8 @@ from itertools import pairwise
 import numpy as np
 from pxr import Usd, UsdGeom
 
+from .guard import FAULTS, warn_unreadable
+from .log import SceneLog
 from .shutter import Shutter
 
 TOLERANCE = 2.5e-4
@@ -120,15 +122,20 @@ def fold(levels: list[Level]) -> list[Level]:
 class TransformReader:
     """Reads levels for one frame, each prim once."""
 
-    def __init__(self, shutter: Shutter):
+    def __init__(self, shutter: Shutter, log: SceneLog):
         self._shutter = shutter
+        self._log = log
         self._own: dict = {}
 
     def own_level(self, prim: Usd.Prim) -> tuple[Level | None, bool]:
         """The prim's local level (None: identity), and whether it ignores its parents."""
         path = prim.GetPath()
         if path not in self._own:
-            self._own[path] = self._read(prim)
+            try:
+                self._own[path] = self._read(prim)
+            except FAULTS as error:
+                warn_unreadable(self._log, path, error, "its transform is taken as none")
+                self._own[path] = None, False
         return self._own[path]
 
     def _read(self, prim: Usd.Prim) -> tuple[Level | None, bool]:
