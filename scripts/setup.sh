@@ -7,7 +7,7 @@
 #
 # Safe to run again: each step looks first, and a prepared checkout takes about a second. Exits
 # non-zero with the exact command to type where something is missing that it may not install.
-# PYTHON=/path/to/python3.11 chooses the interpreter.
+# PYTHON=/path/to/python3.11 chooses the interpreter, OPENSUBDIV_ROOT=/path an OpenSubdiv.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 root=$PWD
@@ -74,8 +74,10 @@ venv_works() {
 
 packages=()
 command -v g++ >/dev/null || packages+=(g++)
+# OPENSUBDIV_ROOT names an installation of one's own, as the build takes it.
 printf '#include <opensubdiv/bfr/refinerSurfaceFactory.h>\n' |
-    "${CXX:-c++}" -x c++ -E - >/dev/null 2>&1 || packages+=(libosd-dev)
+    "${CXX:-c++}" ${OPENSUBDIV_ROOT:+"-I$OPENSUBDIV_ROOT/include"} -x c++ -E - >/dev/null 2>&1 ||
+    packages+=(libosd-dev)
 if ! venv_works && ! "$python" -c 'import venv, ensurepip' 2>/dev/null; then
     case $python in
     /usr/bin/*) packages+=(python3.11-venv) ;;

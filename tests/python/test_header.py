@@ -1,6 +1,11 @@
 """The C header is read as it is: declarations for cffi, constants by their names."""
 
+import shutil
+import subprocess
+
 import cffi
+import pytest
+from hdtrapeze import native
 from hdtrapeze.native import parse_header
 
 HEADER = """
@@ -29,3 +34,12 @@ def test_constants_and_declarations():
     ffi = cffi.FFI()
     ffi.cdef(declarations)
     assert ffi.sizeof("pair") == 16
+
+
+@pytest.mark.skipif(shutil.which("nm") is None, reason="nm (binutils) is not installed")
+def test_the_library_exports_the_abi_and_nothing_else():
+    command = ["nm", "-D", "--defined-only", str(native.library_path())]
+    listing = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    names = [line.split()[-1] for line in listing.splitlines()]
+    assert len(names) > 30
+    assert [name for name in names if not name.startswith("trz_")] == []
