@@ -9,12 +9,13 @@ import sys
 import time
 from pathlib import Path
 
+import hdtrapeze.record
 import numpy as np
 import pytest
 from hdtrapeze.cli import main
 from hdtrapeze.flags import add_record_flags
 from images import exr_header, read_png
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdRender
+from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdRender
 from scenes import add_camera, add_cube, add_quad, new_stage, quad_coverage, set_samples
 
 SMALL = ["-w", "40", "--samples", "4", "--filter", "box"]
@@ -230,6 +231,114 @@ def test_an_unforeseen_fault_is_one_line(scene, tmp_path, capsys, monkeypatch):
     assert capsys.readouterr().err == "error: ZeroDivisionError: first line\n"
     assert run("record", scene, tmp_path / "a.png", "--verbose") == 1
     assert "Traceback" in capsys.readouterr().err
+
+
+def break_composition(scene, tmp_path, kind):
+    """The scene with one fault of composition; its path and the prim that is to be named."""
+    layer = Sdf.Layer.FindOrOpen(scene)
+    path = tmp_path / f"{kind}.usda"
+    prim = Sdf.CreatePrimInLayer(layer, "/refers")
+    prim.specifier = Sdf.SpecifierDef
+    if kind == "missing":
+        prim.referenceList.Prepend(Sdf.Reference("./none.usda", "/x"))
+    elif kind == "broken":
+        (tmp_path / "bad.usda").write_text('#usda 1.0\ndef Mesh "x" {{{')
+        prim.referenceList.Prepend(Sdf.Reference("./bad.usda", "/x"))
+    elif kind == "cycle":
+        prim.referenceList.Prepend(Sdf.Reference("", "/refers/below"))
+    else:
+        layer.subLayerPaths.append("./none.usda")
+    layer.Export(str(path))
+    return path, "/" if kind == "sublayer" else "/refers"
+
+
+@pytest.mark.parametrize("kind", ["missing", "broken", "cycle", "sublayer"])
+def test_composition_errors_are_one_warning_and_abort_on_error(scene, tmp_path, capfd, kind):
+    path, prim = break_composition(scene, tmp_path, kind)
+    out = tmp_path / "a.png"
+    assert run("record", path, out, *SMALL, "--abortOnError") == 1
+    assert not out.exists()
+    lines = capfd.readouterr().err.splitlines()
+    assert len(lines) == 2
+    assert lines[0].startswith(f"warning: {prim}: "), lines
+    assert "abortOnError" in lines[1]
+    assert run("record", path, out, *SMALL) == 0
+    assert capfd.readouterr().err.splitlines() == lines[:1]
+    np.testing.assert_array_equal(alpha(out), quad_coverage(-2, -2, 2, 2))
+
+
+def test_messages_of_usd_go_through_the_log(scene, tmp_path, capfd):
+    def fail(*_):
+        Tf.Warn("two\nlines")
+        return original(*_)
+
+    original = hdtrapeze.record.find_camera
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("hdtrapeze.record.find_camera", fail)
+        assert run("record", scene, tmp_path / "a.png", *SMALL) == 0
+        assert capfd.readouterr().err.endswith("warning: two lines\n")
+
+
+def test_masks_that_match_nothing(scene, tmp_path, capsys):
+    out = tmp_path / "a.png"
+    assert run("record", scene, out, *SMALL, "--mask", "/main_cam,/nobody") == 0
+    lines = capsys.readouterr().err.splitlines()
+    assert "warning: /nobody: --mask names it, but there is no such prim" in lines
+    assert "warning: the stage has nothing to render for the purposes asked for" in lines
+    assert len(lines) == 2
+    assert run("record", scene, out, *SMALL, "--mask", "") == 0
+    assert capsys.readouterr().err == ""
+    np.testing.assert_array_equal(alpha(out), quad_coverage(-2, -2, 2, 2))
+
+
+def test_a_mask_without_the_render_settings_is_silent(scene, tmp_path, capsys):
+    stage = Usd.Stage.Open(scene)
+    UsdRender.Settings.Define(stage, "/Render/settings")
+    stage.SetMetadata("renderSettingsPrimPath", "/Render/settings")
+    path = tmp_path / "settings.usda"
+    stage.GetRootLayer().Export(str(path))
+    assert run("record", path, tmp_path / "a.png", *SMALL, "--mask", "/quad,/main_cam") == 0
+    assert capsys.readouterr().err == ""
+    stage.SetMetadata("renderSettingsPrimPath", "/Render/nobody")
+    path = tmp_path / "nobody.usda"
+    stage.GetRootLayer().Export(str(path))
+    assert run("record", path, tmp_path / "a.png", *SMALL) == 0
+    assert "it is no RenderSettings prim" in capsys.readouterr().err
+
+
+def test_the_stages_render_settings_name_the_camera(scene, tmp_path, capsys):
+    stage = Usd.Stage.Open(scene)
+    add_camera(stage, "/other")
+    settings = UsdRender.Settings.Define(stage, "/Render/settings")
+    settings.CreateCameraRel().SetTargets([Sdf.Path("/other")])
+    stage.SetMetadata("renderSettingsPrimPath", "/Render/settings")
+    path = tmp_path / "settings.usda"
+    stage.GetRootLayer().Export(str(path))
+    assert run("record", path, tmp_path / "a.png", *SMALL) == 0
+    assert "Camera: /other" in capsys.readouterr().out
+
+
+def test_a_trace_that_cannot_be_written_is_refused_first(scene, tmp_path, capsys):
+    out = tmp_path / "a.png"
+    for trace in (tmp_path / "none" / "trace.json", tmp_path):
+        assert run("record", scene, out, *SMALL, "--traceToFile", trace) == 3
+        text = capsys.readouterr()
+        assert text.out == ""
+        assert len(text.err.splitlines()) == 1
+        assert not out.exists()
+
+
+def test_a_failing_frame_is_named(scene, tmp_path, capsys):
+    stage = Usd.Stage.Open(scene)
+    UsdGeom.Sphere.Define(stage, "/ball").CreateVisibilityAttr()
+    visibility = UsdGeom.Imageable.Get(stage, "/ball").GetVisibilityAttr()
+    set_samples(visibility, {1: "invisible", 2: "inherited"})
+    path = tmp_path / "late.usda"
+    stage.GetRootLayer().Export(str(path))
+    flags = ["-f", "1:3", "--abortOnError"]
+    assert run("record", path, tmp_path / "f.##.png", *SMALL, *flags) == 1
+    assert "error: Frame 2: Stopped at the first warning" in capsys.readouterr().err
+    assert {p.name for p in tmp_path.glob("f.*")} == {"f.01.png"}
 
 
 @pytest.mark.parametrize(

@@ -24,7 +24,7 @@ from .native import version
 from .options import AOVS, Options
 from .progress import ProgressBar
 from .render import Renderer
-from .stage import find_render_settings, open_stage
+from .stage import Diagnostics, find_render_settings, open_stage
 from .tracefile import Trace
 
 FORMATS = {".exr": "EXR", ".png": "PNG"}
@@ -46,6 +46,8 @@ class _Terminated(KeyboardInterrupt):
 def record(args) -> None:
     """Runs the command with parsed arguments; raises HdTrapezeError."""
     trace = Trace()
+    if args.traceToFile:
+        _check_writable(Path(args.traceToFile))
     with suppress(ValueError):  # not in the main thread: signals are someone else's
 
         def terminate(*_):
@@ -68,8 +70,13 @@ def _record(args, trace: Trace) -> None:
     options = make_options(args)
     options.validate()
     log = SceneLog()
+    diagnostics = Diagnostics(log)
     with trace.span("open stage"):
-        stage = open_stage(args.usdFilePath, args.mask, args.sessionLayer, args.resolverContext)
+        stage = open_stage(
+            args.usdFilePath, args.mask, args.sessionLayer, args.resolverContext, log
+        )
+        diagnostics.report(stage)
+    _stop_at_warnings(args, log)
     settings = find_render_settings(
         stage, args.renderSettingsPrimPath, args.renderPassPrimPath, log
     )
@@ -86,26 +93,35 @@ def _record(args, trace: Trace) -> None:
         for frame in frames:
             path = output.at(frame) if frame is not None else output.path
             details = {"frame": "default" if frame is None else frame}
-            with trace.span("frame", **details) as details:
-                _record_frame(
-                    renderer, stage, frame, camera, settings, path, kind, args, trace, details
-                )
+            try:
+                with trace.span("frame", **details) as details:
+                    with trace.span("read stage"):
+                        renderer.load(stage, frame, camera, settings)
+                        diagnostics.report()
+                    _record_frame(renderer, frame, path, kind, args, trace, details)
+            except (SceneError, OutputError) as error:
+                if frame is not None:
+                    error.args = (f"Frame {frame:g}: {error}",)
+                raise
+            finally:
+                diagnostics.report()
     if args.memstats:
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         unit = 1 if sys.platform == "darwin" else 1024
         print(f"Peak memory: {peak * unit / 2**20:.0f} MiB")
 
 
-def _record_frame(
-    renderer, stage, frame, camera, settings, path, kind, args, trace, details
-) -> None:
-    with trace.span("read stage"):
-        renderer.load(stage, frame, camera, settings)
+def _stop_at_warnings(args, log: SceneLog) -> None:
+    if args.abortOnError and log.warnings:
+        raise SceneError("Stopped at the first warning about the scene (--abortOnError).")
+
+
+def _record_frame(renderer, frame, path, kind, args, trace, details) -> None:
+    """Renders and writes the frame that was loaded."""
     if args.abortOnError or args.explain:
         with trace.span("commit"):
             renderer.commit()
-    if args.abortOnError and renderer.log.warnings:
-        raise SceneError("Stopped at the first warning about the scene (--abortOnError).")
+    _stop_at_warnings(args, renderer.log)
     if args.explain:
         print(renderer.explain())
     name = Path(path).name
@@ -265,6 +281,12 @@ def _output_kind(args, output: OutputPath) -> str:
         )
     if kind == "PNG" and args.aov:
         raise UsageError("A PNG holds only color: write an .exr for --aov.")
+    _check_writable(path)
+    return kind
+
+
+def _check_writable(path: Path) -> None:
+    """Raises OutputError where no file can be written at `path`."""
     folder = path.parent
     try:
         found, taken = folder.is_dir(), path.is_dir()
@@ -276,4 +298,3 @@ def _output_kind(args, output: OutputPath) -> str:
         raise OutputError(f"{path} is a folder.")
     if not os.access(folder, os.W_OK):
         raise OutputError(f"The folder {folder} is not writable.")
-    return kind

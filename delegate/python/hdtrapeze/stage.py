@@ -1,12 +1,38 @@
 """Opens stages and finds the render settings prim, in the order that usdrecord uses."""
 
+import logging
+import re
 from pathlib import Path
 
-from pxr import Ar, Sdf, Tf, Usd, UsdRender
+from pxr import Ar, Sdf, Tf, Usd, UsdRender, UsdUtils
 
 from .errors import InputError, SceneError, UsageError
 from .guard import reason
 from .log import SceneLog
+
+
+class Diagnostics:
+    """While it lives, USD's own messages go to the log and not raw to stderr."""
+
+    def __init__(self, log: SceneLog):
+        self._log = log
+        self._delegate = UsdUtils.CoalescingDiagnosticDelegate()
+
+    def report(self, stage: Usd.Stage | None = None) -> None:
+        """Logs what USD has said since; with a stage just opened, its composition errors too."""
+        for error in stage.GetCompositionErrors() if stage else ():
+            self._log.warn(error.rootSite.path, "composition", _one_line(str(error)))
+        for message in self._delegate.TakeUncoalescedDiagnostics():
+            # The stage has named these itself.
+            if not (stage and message.sourceFunction.endswith("UsdStage::_ReportErrors")):
+                status = "STATUS" in message.diagnosticCodeString
+                level = logging.INFO if status else logging.WARNING
+                self._log.say(level, "", "usd", _one_line(message.commentary))
+
+
+def _one_line(text: str) -> str:
+    """The text without line breaks and without the address of the session layer."""
+    return " ".join(re.sub(r",@anon:[^@]*@", "", text).split()).removesuffix(".")
 
 
 def open_layer(path: str) -> Sdf.Layer:
@@ -23,9 +49,16 @@ def open_layer(path: str) -> Sdf.Layer:
 
 
 def open_stage(
-    path: str, mask: str | None = None, session_layer: str | None = None, resolver: str = "root"
+    path: str,
+    mask: str | None = None,
+    session_layer: str | None = None,
+    resolver: str = "root",
+    log: SceneLog | None = None,
 ) -> Usd.Stage:
-    """Opens the stage at `path`; `mask` is a list of prim paths joined by commas or spaces."""
+    """Opens the stage at `path`; `mask` is a list of prim paths joined by commas or spaces.
+
+    The log hears of paths of the mask that are no prims.
+    """
     root = open_layer(path)
     session = open_layer(session_layer) if session_layer else Sdf.Layer.CreateAnonymous()
     asset_resolver = Ar.GetResolver()
@@ -34,16 +67,21 @@ def open_stage(
     else:
         context = asset_resolver.CreateDefaultContextForAsset(path)
     try:
-        if mask is None:
+        mask_paths = (mask or "").replace(",", " ").split()
+        if not mask_paths:
             return Usd.Stage.Open(root, session, context)
         population = Usd.StagePopulationMask()
-        for prim_path in mask.replace(",", " ").split():
+        for prim_path in mask_paths:
             if not Sdf.Path.IsValidPathString(prim_path) or not prim_path.startswith("/"):
                 raise UsageError(f"--mask: {prim_path!r} is not the absolute path of a prim.")
             population.Add(Sdf.Path(prim_path))
-        return Usd.Stage.OpenMasked(root, session, context, population)
+        stage = Usd.Stage.OpenMasked(root, session, context, population)
     except Tf.ErrorException as error:
         raise InputError(f"{path} cannot be opened as a stage: {reason(error)}.") from None
+    for prim_path in mask_paths if log else ():
+        if not stage.GetPrimAtPath(prim_path):
+            log.warn(prim_path, "mask", "--mask names it, but there is no such prim")
+    return stage
 
 
 def find_render_settings(
@@ -74,6 +112,8 @@ def find_render_settings(
         return settings
     if named:
         raise SceneError(f"{settings_path} is not a RenderSettings prim of this stage.")
+    if not stage.GetPopulationMask().Includes(Sdf.Path(settings_path)):
+        return None  # --mask left it out
     log.warn(
         settings_path, "render-settings", "the stage names it, but it is no RenderSettings prim"
     )
