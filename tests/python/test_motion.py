@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from oracle import REPLICATES, TIMES, agree, blurred, mean_over, mean_over_times, stratified
-from pxr import Gf, UsdGeom, Vt
+from pxr import Gf, Usd, UsdGeom, Vt
 from scenes import (
     add_camera,
     add_cube,
@@ -61,8 +61,19 @@ def test_a_moving_quad_covers_what_it_should(level):
 
 
 @pytest.mark.parametrize("level", LEVELS)
-def test_blur_off_is_the_scene_at_shutter_open(level):
-    alpha = render(moving_stage(level), shutter=(1, 2), motion_blur=False).alpha
+def test_blur_off_is_the_scene_at_the_frame(level):
+    stage = moving_stage(level)
+    centred = {"shutter": (-0.5, 0.5), "motion_blur": False}
+    for frame, corner in ((0.0, (-3, -2, 0, 1)), (1.0, (0, -1, 3, 2))):
+        alpha = render(stage, frame=frame, **centred).alpha
+        np.testing.assert_array_equal(alpha, quad_coverage(*corner))
+
+
+@pytest.mark.parametrize("level", ("own", "points", "camera"))
+def test_a_held_stage_shows_the_frame_it_is_on(level):
+    stage = moving_stage(level)
+    stage.SetInterpolationType(Usd.InterpolationTypeHeld)
+    alpha = render(stage, frame=1.0, shutter=(-0.25, 0.25), samples=16).alpha
     np.testing.assert_array_equal(alpha, quad_coverage(0, -1, 3, 2))
 
 

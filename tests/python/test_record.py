@@ -122,7 +122,7 @@ def test_shutter_flags(scene, tmp_path):
     soft = alpha(out)
     assert ((soft > 0) & (soft < 1)).sum() > 50
     assert run("record", scene, out, *SMALL, "--shutter", 1, 2, "--no-motion-blur") == 0
-    np.testing.assert_array_equal(alpha(out), quad_coverage(-1, -2, 3, 2))
+    np.testing.assert_array_equal(alpha(out), quad_coverage(-2, -2, 2, 2))
 
 
 def test_mask_session_layer_and_purposes(scene, tmp_path):

@@ -108,7 +108,9 @@ def effective_shutter(
     still: bool,
     log: SceneLog,
 ) -> Shutter:
-    """The shutter to read the stage for; `still` keeps only its opening."""
+    """The shutter to read the stage for; `still` is the frame's own time (disableMotionBlur)."""
+    if still:
+        return Shutter(frame)
     opens, closes = authored_shutter(camera, frame, log) if override is None else override
     if not (math.isfinite(opens) and math.isfinite(closes)):
         log.warn(
@@ -121,7 +123,7 @@ def effective_shutter(
         closes = opens
     if frame is None:
         opens = closes = 0.0
-    return Shutter(frame, opens, opens if still else closes)
+    return Shutter(frame, opens, closes)
 
 
 def read_camera(

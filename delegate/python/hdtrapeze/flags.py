@@ -154,7 +154,7 @@ def _add_render_flags(group) -> None:
         metavar=("OPEN", "CLOSE"),
         help="in time codes relative to the frame, in place of the camera's",
     )
-    add("--no-motion-blur", action="store_true", help="everything as at shutter open")
+    add("--no-motion-blur", action="store_true", help="everything as at the frame's own time")
     add("--no-defocus", action="store_true", help="a pinhole in place of the lens")
     add("--filter", choices=tuple(FILTERS), default="gaussian", help="pixel filter (gaussian)")
     add("--filter-width", type=float, default=0.0, metavar="PIXELS", help="default: the filter's")

@@ -66,9 +66,10 @@ class Renderer:
         options = self.options
         if camera is None:
             camera = find_camera(stage, options.camera, render_settings, self.log)
-        shutter = effective_shutter(
-            camera, frame, options.shutter, not options.motion_blur, self.log
-        )
+        # A held stage steps from value to value: nothing moves between its frames.
+        held = stage.GetInterpolationType() == Usd.InterpolationTypeHeld
+        still = held or not options.motion_blur
+        shutter = effective_shutter(camera, frame, options.shutter, still, self.log)
         transforms = TransformReader(shutter, self.log)
         purposes = ["default", *(p for p in options.purposes if p != "default")]
         state = (
