@@ -18,7 +18,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from pxr import Gf, Sdf, Usd, UsdGeom, Vt
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdRender, Vt
 from shapes import (
     Shape,
     box,
@@ -381,6 +381,13 @@ def add_camera(stage) -> None:
     camera.CreateExposureAttr(1.65)
 
 
+def add_render_settings(stage) -> None:
+    """Names the camera, so that no renderer needs to be told."""
+    settings = UsdRender.Settings.Define(stage, "/Render/Settings")
+    settings.CreateCameraRel().SetTargets([Sdf.Path("/World/Camera")])
+    stage.SetMetadata("renderSettingsPrimPath", str(settings.GetPath()))
+
+
 def make(path: Path) -> None:
     """Writes the whole scene."""
     stage = Usd.Stage.CreateInMemory()
@@ -400,6 +407,7 @@ def make(path: Path) -> None:
     add_ribbon(stage)
     add_petals(stage)
     add_lamps(stage)
+    add_render_settings(stage)
     path.write_text(stage.GetRootLayer().ExportToString(), encoding="utf-8")
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hdtrapeze import HdTrapezeError, Options, Renderer
+from hdtrapeze import Options, Renderer, SceneError
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 from scenes import (
     add_camera,
@@ -213,9 +213,8 @@ def test_points_that_are_absurdly_far(stage):
     points = quad_points(-2, -2, 2, 2)
     points[2] = (3e38, 3e38, 0)
     add_mesh(stage, "/bad", points, [4], [0, 1, 2, 3])
-    image = render(stage)
-    assert len(image.warnings) <= 1
-    assert np.isfinite(image["color"]).all()
+    image = check(stage, "not finite", shown=False)
+    np.testing.assert_array_equal(image.alpha, quad_coverage(*GOOD))
 
 
 @SCHEMES
@@ -225,14 +224,14 @@ def test_zero_size_faces_are_harmless(stage, scheme):
     image = render(stage)
     assert (image.alpha[quad_coverage(*GOOD) == 1] == 1).all()
     assert np.isfinite(image["color"]).all()
-    assert len(image.warnings) <= 2
+    assert image.warnings == []
 
 
 def test_a_face_that_uses_a_point_twice(stage):
     add_mesh(stage, "/odd", quad_points(-2, -2, 2, 2), [5], [0, 1, 1, 2, 3], "catmullClark")
     image = render(stage)
     assert (image.alpha[quad_coverage(*GOOD) == 1] == 1).all()
-    assert len(image.warnings) <= 1
+    assert image.warnings == []
 
 
 def test_loop_on_quads(stage):
@@ -309,23 +308,24 @@ def test_transforms_that_are_not_finite(stage, matrix):
 
 
 @pytest.mark.parametrize(
-    "matrix",
+    ("matrix", "warns"),
     [
-        Gf.Matrix4d(1).SetScale(0.0),
-        Gf.Matrix4d(1).SetScale(Gf.Vec3d(1, 0, 1)),
-        Gf.Matrix4d(1).SetScale(1e30),
-        Gf.Matrix4d(1).SetScale(1e-30),
-        Gf.Matrix4d(1).SetTranslate(Gf.Vec3d(1e30, 0, 0)),
+        (Gf.Matrix4d(1).SetScale(0.0), False),
+        (Gf.Matrix4d(1).SetScale(Gf.Vec3d(1, 0, 1)), False),
+        (Gf.Matrix4d(1).SetScale(1e30), True),
+        (Gf.Matrix4d(1).SetScale(1e-30), False),
+        (Gf.Matrix4d(1).SetTranslate(Gf.Vec3d(1e30, 0, 0)), True),
     ],
     ids=["zero", "flat", "huge", "tiny", "far"],
 )
-def test_absurd_transforms_do_no_harm(stage, matrix):
+def test_absurd_transforms_do_no_harm(stage, matrix, warns):
     add_quad(stage, "/odd", -2, -2, 2, 2, z=-1).AddTransformOp().Set(matrix)
     image = render(stage)
-    assert len(image.warnings) <= 1
-    assert np.isfinite(image["color"]).all()
-    if matrix[0][0] != 1e30:
-        np.testing.assert_array_equal(image.alpha[quad_coverage(*GOOD) == 1], 1)
+    if warns:
+        one_warning(image, "/odd", "its transform is not finite")
+    else:
+        assert image.warnings == []
+    np.testing.assert_array_equal(image.alpha, quad_coverage(*GOOD))
 
 
 def test_number_of_points_changes_within_the_shutter(stage):
@@ -359,13 +359,9 @@ def test_camera_that_shows_nothing_useful(stage):
 @pytest.mark.parametrize("value", [0.0, NAN])
 def test_camera_numbers_that_cannot_be(stage, name, value):
     stage.GetPrimAtPath("/camera").GetAttribute(name).Set(value)
-    try:
-        image = render(stage)
-    except HdTrapezeError as error:
-        assert "/camera" in str(error) or "camera" in str(error)
-    else:
-        assert np.isfinite(image["color"]).all()
-        assert [w[0] for w in image.warnings] == ["/camera"]
+    image = render(stage)
+    one_warning(image, "/camera", "give no view; the default is used")
+    assert np.isfinite(image["color"]).all()
 
 
 def test_lens_without_focus_distance(stage):
@@ -455,6 +451,23 @@ def test_blur_scale_is_named(stage):
     UsdGeom.MotionAPI.Apply(quad.GetPrim()).CreateMotionBlurScaleAttr(0.5)
     one_warning(render(stage, shutter=(0, 1)), "/quad", "blurScale")
     assert render(stage).warnings == []
+
+
+def test_motion_samples_of_a_prim_are_named(stage):
+    motion = UsdGeom.MotionAPI.Apply(add_quad(stage).GetPrim())
+    motion.CreateNonlinearSampleCountAttr(5)
+    motion.CreateMotionBlurScaleAttr(0.5)
+    image = render(stage, shutter=(0, 1))
+    one_warning(image, "/quad", "nonlinearSampleCount", "blurScale 0.5", "not supported yet")
+
+
+def test_a_closed_renderer_says_so(stage):
+    with Renderer(Options(width=8, height=8, samples=1)) as renderer:
+        renderer.load(stage, 0.0)
+        renderer.render()
+    for use in (lambda: renderer.aov("color"), renderer.render, renderer.statistics):
+        with pytest.raises(SceneError, match="The renderer is closed"):
+            use()
 
 
 def test_models_with_a_draw_mode_are_named(stage):

@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from hdtrapeze.cli import main
 from pxr import Sdf, Usd, UsdGeom
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -20,6 +21,10 @@ def differences(a: Sdf.Layer, b: Sdf.Layer) -> list[str]:
         layer.Traverse(Sdf.Path.absoluteRootPath, seen.append)
         return {str(path) for path in seen}
 
+    if a.pseudoRoot.GetInfo("renderSettingsPrimPath") != b.pseudoRoot.GetInfo(
+        "renderSettingsPrimPath"
+    ):
+        found.append("renderSettingsPrimPath")
     for path in sorted(paths(a) ^ paths(b)):
         found.append(f"{path} is in one of the two only")
     for path in sorted(paths(a) & paths(b)):
@@ -61,6 +66,15 @@ def test_a_changed_scene_is_noticed(tmp_path):
     changed.write_text(text.replace("float fStop = ", "float fStop = 1"), encoding="utf-8")
     found = differences(Sdf.Layer.FindOrOpen(str(SCENE)), Sdf.Layer.FindOrOpen(str(changed)))
     assert found == ["/World/Camera.fStop: values"]
+
+
+def test_its_render_settings_name_the_camera(tmp_path, capsys):
+    out = tmp_path / "demo.png"
+    flags = ["-w", "16", "--samples", "1", "--shading-rate", "20"]
+    assert main(["record", str(SCENE), str(out), *flags]) == 0
+    text = capsys.readouterr()
+    assert "Camera: /World/Camera" in text.out
+    assert text.err == ""
 
 
 def test_it_moves_defocuses_instances_and_creases():

@@ -372,6 +372,19 @@ def test_wrong_flags_are_usage_errors(scene, tmp_path, capsys, flags, words):
     assert not (tmp_path / "a.exr").exists()
 
 
+def test_usage_errors_point_to_the_help(scene, tmp_path, capsys):
+    for flags in (["--samples", "0"], ["--samples", "many"], ["--sampels", "4"], ["-f", "soon"]):
+        assert run("record", scene, tmp_path / "a.exr", *flags) == 2
+        assert capsys.readouterr().err.endswith("\nSee `hdtrapeze record --help`.\n")
+
+
+def test_a_value_that_begins_with_a_minus(scene, tmp_path, capsys):
+    assert run("record", scene, tmp_path / "a.##.png", *SMALL, "--frames", "-2:0") == 2
+    assert "--frames=-2:0" in capsys.readouterr().err
+    assert run("record", scene, tmp_path / "a.##.png", *SMALL, "--frames=-2:0") == 0
+    assert len(list(tmp_path.glob("a.*"))) == 3
+
+
 @pytest.mark.parametrize(
     ("name", "words"),
     [("a.jpg", "must end in .exr or .png"), ("a", "must end"), ("a.##.exr", "--frames")],

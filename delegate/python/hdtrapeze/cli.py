@@ -6,7 +6,7 @@ import sys
 import traceback
 
 from . import errors, native
-from .flags import make_parser
+from .flags import SEE_HELP, make_parser
 from .log import set_up_command
 
 
@@ -24,6 +24,8 @@ def main(arguments: list[str] | None = None) -> int:
         return errors.EXIT_TERMINATED if terminated else errors.EXIT_INTERRUPTED
     except errors.HdTrapezeError as error:
         print(f"error: {error}", file=sys.stderr)
+        if isinstance(error, errors.UsageError):
+            print(SEE_HELP, file=sys.stderr)
         return error.exit_code
     except BrokenPipeError:  # the reader of stdout has gone
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

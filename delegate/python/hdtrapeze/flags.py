@@ -25,6 +25,9 @@ itself is only ever a complete frame.
 """
 
 
+SEE_HELP = "See `hdtrapeze record --help`."
+
+
 class _Parser(argparse.ArgumentParser):
     """Names the flag that was probably meant."""
 
@@ -36,9 +39,14 @@ class _Parser(argparse.ArgumentParser):
             near = difflib.get_close_matches(word, self._known_flags(), 1, 0.6)
             if near and near[0] != word:
                 hints.append(f"Did you mean {near[0]}?")
+        found = re.search(r"argument (--?[A-Za-z]\w*)\S*: expected one argument", message)
+        if found:
+            # argparse takes -2:0 for a flag.
+            text = f"A value that begins with a minus needs an equals sign: {found[1]}=-2"
+            hints.append(text.replace("-2", "-2:0") if "frames" in found[1] else text)
         self.print_usage(sys.stderr)
         text = " ".join([message.rstrip("."), *hints]) if hints else message
-        self.exit(errors.EXIT_USAGE, f"error: {text}\nSee `{self.prog} --help`.\n")
+        self.exit(errors.EXIT_USAGE, f"error: {text}\n{SEE_HELP}\n")
 
     def _known_flags(self) -> list[str]:
         """Flags of this parser and of its commands."""
@@ -121,7 +129,7 @@ def _add_usdrecord_flags(group) -> None:
         "-c",
         choices=tuple(COMPLEXITIES),
         default="low",
-        help="finer shading rate at high and veryhigh; surfaces are smooth at every one",
+        help="medium, high, veryhigh: finer shading rate; surfaces are smooth at each (default: low)",
     )
     add(
         "--colorCorrectionMode",

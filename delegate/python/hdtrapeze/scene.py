@@ -132,7 +132,7 @@ class SceneSync:
         if self._draw_modes and prim.HasAPI(UsdGeom.ModelAPI):
             self._check_draw_mode(prim)
         if prim.HasAPI(UsdGeom.MotionAPI):
-            self._check_blur_scale(prim)
+            self._check_motion_api(prim)
         if prim.IsA(UsdGeom.PointInstancer):
             if purpose in self._purposes:
                 self._emit_instancer(UsdGeom.PointInstancer(prim), purpose, place)
@@ -203,11 +203,20 @@ class SceneSync:
                 prototype, purpose, _Place(placement, prototype, prefix, (*place.instancers, path))
             )
 
-    def _check_blur_scale(self, prim) -> None:
-        scale = UsdGeom.MotionAPI(prim).ComputeMotionBlurScale(self._shutter.time)
-        if scale != 1.0 and self._shutter.moves:
-            text = f"motion:blurScale {scale:g} is not supported yet; it blurs as with 1"
-            self._log.warn(prim.GetPath(), "unsupported-blur-scale", text)
+    def _check_motion_api(self, prim) -> None:
+        if not self._shutter.moves:
+            return
+        motion = UsdGeom.MotionAPI(prim)
+        unused = []
+        scale = motion.ComputeMotionBlurScale(self._shutter.time)
+        if scale != 1.0:
+            unused.append(f"motion:blurScale {scale:g}")
+        if motion.GetNonlinearSampleCountAttr().HasAuthoredValue():
+            unused.append("motion:nonlinearSampleCount")
+        if unused:
+            verb = "are" if len(unused) > 1 else "is"
+            text = f"{' and '.join(unused)} {verb} not supported yet; it blurs as without"
+            self._log.warn(prim.GetPath(), "unsupported-motion", text)
 
     def _check_draw_mode(self, prim) -> None:
         model = UsdGeom.ModelAPI(prim)

@@ -12,6 +12,7 @@ import numpy as np
 
 from . import native
 from .camera import CameraState
+from .errors import SceneError
 from .log import SceneLog
 from .mesh import BOUNDARIES, FACE_VARYING, ORIENTATIONS, SCHEMES, TRIANGLES, Points, Topology
 from .primvars import INTERPOLATIONS, Primvar
@@ -90,6 +91,8 @@ class Session:
         self._log.say(levels.get(level, logging.DEBUG), path, code, text)
 
     def _call(self, function: str, *arguments) -> None:
+        if self._session is None:
+            raise SceneError("The renderer is closed.")
         native.check(getattr(self._lib, function)(self._session, *arguments))
 
     def _value(self, kind: str, name: str) -> int:
