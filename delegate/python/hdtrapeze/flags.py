@@ -45,7 +45,7 @@ class _Parser(argparse.ArgumentParser):
             text = f"A value that begins with a minus needs an equals sign: {found[1]}=-2"
             hints.append(text.replace("-2", "-2:0") if "frames" in found[1] else text)
         self.print_usage(sys.stderr)
-        text = " ".join([message.rstrip("."), *hints]) if hints else message
+        text = " ".join([message.rstrip(".") + ".", *hints]) if hints else message
         self.exit(errors.EXIT_USAGE, f"error: {text}\n{SEE_HELP}\n")
 
     def _known_flags(self) -> list[str]:
@@ -129,7 +129,7 @@ def _add_usdrecord_flags(group) -> None:
         "-c",
         choices=tuple(COMPLEXITIES),
         default="low",
-        help="medium, high, veryhigh: finer shading rate; surfaces are smooth at each (default: low)",
+        help="medium, high and veryhigh refine the shading rate; surfaces are smooth at each (low)",
     )
     add(
         "--colorCorrectionMode",
