@@ -276,7 +276,18 @@ def test_messages_of_usd_go_through_the_log(scene, tmp_path, capfd):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("hdtrapeze.record.find_camera", fail)
         assert run("record", scene, tmp_path / "a.png", *SMALL) == 0
-        assert capfd.readouterr().err.endswith("warning: two lines\n")
+        assert capfd.readouterr().err == "warning: two lines\n"
+
+
+def test_a_transform_op_that_is_missing_names_its_prim(scene, tmp_path, capfd):
+    stage = Usd.Stage.Open(scene)
+    stage.GetPrimAtPath("/quad").RemoveProperty("xformOp:translate")
+    path = tmp_path / "missing_op.usda"
+    stage.GetRootLayer().Export(str(path))
+    assert run("record", path, tmp_path / "a.png", *SMALL) == 0
+    lines = capfd.readouterr().err.splitlines()
+    assert len(lines) == 1
+    assert lines[0].startswith("warning: /quad: Unable to get attribute"), lines
 
 
 def test_masks_that_match_nothing(scene, tmp_path, capsys):

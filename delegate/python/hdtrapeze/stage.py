@@ -27,7 +27,9 @@ class Diagnostics:
             if not (stage and message.sourceFunction.endswith("UsdStage::_ReportErrors")):
                 status = "STATUS" in message.diagnosticCodeString
                 level = logging.INFO if status else logging.WARNING
-                self._log.say(level, "", "usd", _one_line(message.commentary))
+                text = _one_line(message.commentary)
+                prim = re.search(r"<(/[^>.]*)", text)
+                self._log.say(level, prim[1] if prim else "", "usd", text)
 
 
 def _one_line(text: str) -> str:
