@@ -35,6 +35,11 @@ impl<'a> Budget<'a> {
         }
     }
 
+    /// Stops here where dicing was cancelled.
+    pub fn check(&self) -> Result<(), Halt> {
+        self.take(0)
+    }
+
     /// Takes `count` out of the budget.
     pub fn take(&self, count: u64) -> Result<(), Halt> {
         if self.cancel.load(Ordering::Relaxed) {

@@ -51,7 +51,7 @@ impl BaseCurves {
                     let before = sampler.evaluations;
                     for face in c * chunk..((c + 1) * chunk).min(face_count) {
                         let known = part.pool.curves.len();
-                        sample_face(input, base, sampler, face as u32, rate, &mut part);
+                        sample_face(input, base, sampler, face as u32, rate, budget, &mut part)?;
                         let segments = part.pool.curves[known..].iter().map(|c| c.segments);
                         budget.take(segments.map(u64::from).sum())?;
                     }
@@ -124,8 +124,9 @@ fn sample_face(
     sampler: &mut Sampler<'_>,
     face: u32,
     rate: f32,
+    budget: &Budget<'_>,
     part: &mut Part,
-) {
+) -> Result<(), Halt> {
     let range = base.face_edges(face);
     let (first, n) = (range.start, range.len());
     let keys = sampler.key_count();
@@ -133,8 +134,9 @@ fn sample_face(
         .clone()
         .all(|e| !base.owns_edge(e) && !base.owns_corner(e))
     {
-        return;
+        return Ok(());
     }
+    budget.check()?;
     let vertices = usable(input.surface.face_vertices(face));
     let straight = input.is_coarse();
     let owns_edge = |k: usize| base.owns_edge(first + k);
@@ -178,6 +180,7 @@ fn sample_face(
         for k in 0..n {
             let st = [Vec2::ZERO, Vec2::X];
             let count = 1 + usize::from(wants_middle(k));
+            budget.check()?;
             if wants_corner(k) {
                 let wanted = [2 * k, 2 * k + 1];
                 sample(
@@ -192,6 +195,7 @@ fn sample_face(
     let points = &part.points;
     let at = |slot: usize| &points[slot * keys..(slot + 1) * keys];
     for k in 0..n {
+        budget.check()?;
         if base.owns_corner(first + k) {
             part.vertices.extend_from_slice(at(2 * k));
         }
@@ -227,4 +231,5 @@ fn sample_face(
             part.pool.push_broken(keys);
         }
     }
+    Ok(())
 }

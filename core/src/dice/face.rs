@@ -217,6 +217,7 @@ impl<'a> FaceDicer<'a> {
         };
         let centre = self.sampler.curve(&centre, &[1.0])?;
         for (k, &edge) in edges.iter().enumerate() {
+            self.budget.check()?;
             let curve = self.edges.edge(self.base, edge);
             let start = curve.vertex(curve.map(ONE / 2, 1));
             let source = CurveSource::Line {
@@ -270,6 +271,7 @@ impl<'a> FaceDicer<'a> {
     }
 
     fn dice_patch(&mut self, patch: &Patch, part: &mut Part) -> Result<(), Leave> {
+        self.budget.check()?;
         let curves = self.curves();
         let need = patch.sides.map(|s| curves.of(&s).need(s.a, s.b));
         let split = patch.sides.map(|s| curves.of(&s).is_split(s.a, s.b));

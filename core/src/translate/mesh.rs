@@ -14,6 +14,9 @@ use crate::surface::{Crease, MeshTopology};
 /// Largest usable coordinate: squares and products of a few stay inside f32.
 pub const LARGEST_COORDINATE: f32 = 1.0e12;
 
+/// Sharpness from which an edge or vertex is infinitely sharp; infinity itself is authored too.
+const INFINITE_SHARPNESS: f32 = 10.0;
+
 /// True for a point that arithmetic in f32 can take.
 fn usable(p: Vec3) -> bool {
     p.is_finite() && p.abs().max_element() < LARGEST_COORDINATE
@@ -93,14 +96,19 @@ pub fn check(
         c.vertices.len() >= 2
             && c.sharpness.len() + 1 == c.vertices.len()
             && c.vertices.iter().all(|&v| in_range(v))
-            && c.sharpness.iter().all(|s| s.is_finite() && *s >= 0.0)
+            // False for what is not a number.
+            && c.sharpness.iter().all(|s| *s >= 0.0)
     };
-    let creases: Vec<Crease> = authored.creases.iter().filter(sound).cloned().collect();
+    let mut creases: Vec<Crease> = authored.creases.iter().filter(sound).cloned().collect();
+    for sharpness in creases.iter_mut().flat_map(|c| &mut c.sharpness) {
+        *sharpness = sharpness.min(INFINITE_SHARPNESS);
+    }
     let corners: Vec<(u32, f32)> = authored
         .corners
         .iter()
         .copied()
-        .filter(|&(v, s)| in_range(v) && s.is_finite() && s >= 0.0)
+        .filter(|&(v, s)| in_range(v) && s >= 0.0)
+        .map(|(v, s)| (v, s.min(INFINITE_SHARPNESS)))
         .collect();
     let lost = authored.creases.len() - creases.len() + authored.corners.len() - corners.len();
     if lost > 0 {
@@ -373,6 +381,29 @@ mod tests {
         assert_eq!(warnings.len(), 1);
         let (out, _) = run(&quads(&[u32::MAX, u32::MAX], &[0, 1, 4, 3], six()));
         assert!(out.is_none());
+    }
+
+    #[test]
+    fn infinite_sharpness_counts() {
+        let mut mesh = quads(&[4, 4], &[0, 1, 4, 3, 1, 2, 5, 4], six());
+        let topology = Arc::make_mut(&mut mesh.topology);
+        let crease = |s: [f32; 2]| Crease {
+            vertices: vec![0, 1, 2],
+            sharpness: s.to_vec(),
+        };
+        topology.creases = vec![crease([f32::INFINITY, 2.5]), crease([f32::NAN, 1.0])];
+        topology.corners = vec![
+            (0, f32::INFINITY),
+            (1, 11.0),
+            (2, 0.5),
+            (3, f32::NEG_INFINITY),
+            (4, f32::NAN),
+        ];
+        let (out, warnings) = run(&mesh);
+        let out = out.unwrap().topology;
+        assert_eq!(out.creases, vec![crease([10.0, 2.5])]);
+        assert_eq!(out.corners, vec![(0, 10.0), (1, 10.0), (2, 0.5)]);
+        assert!(warnings[0].text.starts_with("3 creases or corners"));
     }
 
     #[test]

@@ -4,7 +4,7 @@
 //! points that follow from them are derived once per face. Lattices are then evaluated here: regular patches and
 //! the regular cells of irregular ones as B-splines with row sums, cells at extraordinary vertices as
 //! Gregory patches, Loop triangles as quartics. What does not fit (irregular Loop triangles, patches
-//! whose structure was not recognised) goes to the library, a lattice a call.
+//! whose structure was not recognised or would take long to find) goes to the library, a lattice a call.
 //!
 //! Channels are bound when they are first asked for.
 
@@ -251,7 +251,14 @@ impl<'a> OsdEvaluator<'a> {
         }
         let data = &surface.channels[channel];
         let known = (!self.by_library).then_some(&mut self.known);
-        match data.source {
+        let source = match data.source {
+            ChannelSource::Vertex if surface.is_linear_face(face) => ChannelSource::LinearVertex,
+            ChannelSource::FaceVarying(number) if surface.is_linear_face(face) => {
+                ChannelSource::LinearFaceVarying(number as usize)
+            }
+            source => source,
+        };
+        match source {
             ChannelSource::Vertex => bound.bind_library(surface, face, -1, &data.values, known),
             ChannelSource::FaceVarying(library_channel) => {
                 bound.bind_library(surface, face, library_channel, &data.values, known);
@@ -282,7 +289,7 @@ impl LimitEvaluator for OsdEvaluator<'_> {
         if self.size == 0 {
             self.vertex.state = State::None;
             self.vertex.face = face;
-        } else if surface.is_bilinear && !self.by_library {
+        } else if (surface.is_bilinear && !self.by_library) || surface.is_linear_face(face) {
             let vertices = surface.face_vertices(face).iter().map(|&v| v as usize);
             self.vertex.bind_linear(face, &surface.points, vertices);
         } else {

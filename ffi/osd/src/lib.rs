@@ -21,6 +21,7 @@ mod evaluator;
 mod normal;
 mod patch;
 mod shapes;
+mod size;
 mod surface;
 mod topology;
 

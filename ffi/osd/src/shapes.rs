@@ -15,6 +15,27 @@ use crate::patch::{Shape, triangle};
 /// two vertices are alike.
 const MOST_TREES: usize = 1 << 16;
 
+/// Multiplications that finding a tree may take: about a fifth of a second on one core. An n-gon on its
+/// own reaches it with 57 sides, a triangle at a vertex of valence n with n = 300. The library
+/// evaluates what is larger.
+const MOST_TREE_WORK: u64 = 1 << 28;
+
+/// Weights that are asked for to find the patches of a sub-face: two for each of some 20 leaves, one for
+/// each of some 20 cells that are cut.
+const PROBES: u64 = 60;
+
+/// Points that a patch's weights are gathered from.
+const PATCH_CONTROLS: u64 = 20;
+
+/// Multiplications that it takes the library to answer what [`Source::find_tree`] asks.
+fn tree_work(info: &ffi::PatchInfo) -> u64 {
+    let count = |n: i32| n.max(0) as u64;
+    let (points, controls) = (count(info.point_count), count(info.control_count));
+    let probes = count(info.face_size).saturating_mul(PROBES * PATCH_CONTROLS);
+    // Weights of all points a probe; and the stencils, a row of controls a point times the controls.
+    points.saturating_mul(probes.saturating_add(controls.saturating_mul(controls)))
+}
+
 /// Caches of one set of subdivision options.
 pub(crate) struct SharedPatches {
     /// The library's own cache.
@@ -50,7 +71,7 @@ impl SharedPatches {
             (true, true) => self.triangle(patch.signature(), source),
             // The library's trees over triangles are not taken apart.
             (false, true) => Shape::Library,
-            (false, false) if info.key == 0 => Shape::Library,
+            (false, false) if info.key == 0 || tree_work(info) > MOST_TREE_WORK => Shape::Library,
             (false, false) => known
                 .entry(info.key)
                 .or_insert_with(|| self.tree(info, source))

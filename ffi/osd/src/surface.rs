@@ -71,6 +71,8 @@ pub struct OsdSurface {
     face_starts: Vec<u32>,
     face_vertices: Vec<u32>,
     library_face: Vec<i32>,
+    /// Faces that are linear whatever the scheme, ascending: too large for the library.
+    linear_faces: Vec<u32>,
     key_count: usize,
     /// `[vertex][key][POINT]`: all keys of a vertex lie side by side.
     pub(crate) points: Vec<f32>,
@@ -88,6 +90,11 @@ impl OsdSurface {
     /// The library's number of a face, or -1 where it was dropped.
     pub(crate) fn library_face(&self, face: u32) -> i32 {
         self.library_face.get(face as usize).copied().unwrap_or(-1)
+    }
+
+    /// Whether a face is too large for the library, and linear in its place.
+    pub(crate) fn is_linear_face(&self, face: u32) -> bool {
+        self.linear_faces.binary_search(&face).is_ok()
     }
 
     /// Value indices of the corners of a face in a face-varying channel.
@@ -224,6 +231,7 @@ impl OsdFactory {
             is_left_handed: topology.orientation == Orientation::LeftHanded,
             is_bilinear,
             shared,
+            linear_faces: prepared.linear_faces(),
             corner_count: prepared.corner_count(),
             corner_starts: prepared.corner_starts,
             channel_indices: prepared.channel_indices,

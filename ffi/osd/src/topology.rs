@@ -6,7 +6,7 @@
 //!
 //! OpenSubdiv 3.5.0 reads memory that it never wrote where a face has a vertex in the middle of just
 //! two faces, a boundary, and a crease (3.5.1 mends it). With that version the creases around such
-//! faces are left out.
+//! faces are left out. Faces that are too large for the library stay linear (`size`).
 
 use std::collections::HashSet;
 
@@ -16,6 +16,7 @@ use hdtrapeze_core::surface::{
 };
 
 use crate::bridge::ffi::{self, MeshSpec};
+use crate::size;
 
 /// Sharpness from which OpenSubdiv takes an edge or vertex as infinitely sharp.
 const INFINITE_SHARPNESS: f32 = 10.0;
@@ -47,6 +48,8 @@ pub(crate) struct Prepared {
     pub(crate) face_vertices: Vec<u32>,
     /// The library's number of each authored face, or -1.
     pub(crate) library_face: Vec<i32>,
+    /// The library's faces that are too large for it, ascending.
+    too_large: Vec<i32>,
     /// What was left out, as sentences.
     pub(crate) notes: Vec<String>,
 }
@@ -165,19 +168,40 @@ impl Prepared {
             face_starts,
             face_vertices,
             library_face,
+            too_large: Vec::new(),
             notes: Vec::new(),
         };
         prepared.sharpen(topology);
+        // The bilinear scheme has no irregular faces.
+        if topology.scheme != Scheme::Bilinear {
+            prepared.too_large = size::too_large(prepared.faces(), topology.vertex_count);
+        }
+        if !prepared.too_large.is_empty() {
+            prepared.notes.push(format!(
+                "{} faces have too many sides, or vertices with too many faces, to be smooth; linear",
+                prepared.too_large.len()
+            ));
+        }
         Ok(prepared)
     }
 
-    fn faces(&self) -> impl Iterator<Item = &[i32]> {
+    fn faces(&self) -> impl Iterator<Item = &[i32]> + Clone {
         let mut rest = &self.indices[..];
         self.counts.iter().map(move |&count| {
             let (face, after) = rest.split_at(count as usize);
             rest = after;
             face
         })
+    }
+
+    /// The authored faces that are linear, because they are too large for the library; ascending.
+    pub(crate) fn linear_faces(&self) -> Vec<u32> {
+        if self.too_large.is_empty() {
+            return Vec::new();
+        }
+        let is_linear = |&(library, _): &(&i32, u32)| self.too_large.binary_search(library).is_ok();
+        let faces = self.library_face.iter().zip(0..);
+        faces.filter(is_linear).map(|(_, face)| face).collect()
     }
 
     /// Vertices of faces that have a vertex which two faces surround.

@@ -1,5 +1,6 @@
 #include "hdtrapeze-osd/src/cpp/bridge.h"
 
+#include <algorithm>
 #include <mutex>
 #include <shared_mutex>
 #include <stdexcept>
@@ -209,16 +210,20 @@ Weights::Weights(Mesh const& mesh, std::int32_t face, std::int32_t channel) {
         throw std::runtime_error("the face has no limit surface");
     }
     auto const n = static_cast<std::size_t>(surface_.GetNumPatchPoints());
-    identity_.assign(n * n, 0.0);
-    for (std::size_t i = 0; i < n; ++i) {
-        identity_[i * n + i] = 1.0;
+    // A single 1 among zeros: read from i on, it is row i of the identity, back to front.
+    units_.assign(n == 0 ? 0 : 2 * n - 1, 0.0);
+    if (n != 0) {
+        units_[n - 1] = 1.0;
     }
     result_.resize(n);
 }
 
 rust::Slice<double const> Weights::at(double u, double v) {
     double const uv[2] = {u, v};
-    surface_.Evaluate(uv, identity_.data(), static_cast<int>(result_.size()), result_.data());
+    // Points that are one number apart and n numbers long.
+    Bfr::Surface<double>::PointDescriptor const rows(static_cast<int>(result_.size()), 1);
+    surface_.Evaluate(uv, units_.data(), rows, result_.data());
+    std::reverse(result_.begin(), result_.end());
     return {result_.data(), result_.size()};
 }
 

@@ -64,7 +64,7 @@ public:
 
 private:
     OpenSubdiv::Bfr::Surface<double> surface_;
-    std::vector<double> identity_, result_, stencils_;
+    std::vector<double> units_, result_, stencils_;
 };
 
 std::int32_t library_version();

@@ -62,6 +62,8 @@ struct Pools {
     gregory: Vec<[Vec4; gregory::CONTROLS]>,
     triangle: Vec<[Vec4; triangle::BEZIER]>,
     bilinear: Vec<[Vec4; 4]>,
+    /// The middle of a linear face's corners.
+    centre: Vec<Vec4>,
     flat: Vec<[Vec4; 3]>,
 }
 
@@ -72,6 +74,7 @@ impl Pools {
         self.gregory.clear();
         self.triangle.clear();
         self.bilinear.clear();
+        self.centre.clear();
         self.flat.clear();
     }
 }
@@ -244,12 +247,17 @@ impl Patches {
                 } else {
                     let first = pools.bilinear.len();
                     let is_quad = parameterization == Parameterization::Quad;
+                    if !is_quad && pools.centre.is_empty() {
+                        let middle = |lane| (0..n).map(|j| at(lane, j)).sum::<Vec4>() / n as f32;
+                        pools.centre.extend(lanes.clone().map(middle));
+                    }
+                    let centres = &pools.centre;
                     pools.bilinear.extend(lanes.map(|lane| {
                         if is_quad {
                             return std::array::from_fn(|i| at(lane, i));
                         }
                         let corner = at(lane, i);
-                        let centre = (0..n).map(|j| at(lane, j)).sum::<Vec4>() / n as f32;
+                        let centre = centres[lane];
                         let next = 0.5 * (corner + at(lane, i + 1));
                         let previous = 0.5 * (corner + at(lane, i + n - 1));
                         [corner, next, centre, previous]
