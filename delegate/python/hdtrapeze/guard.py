@@ -23,7 +23,7 @@ FAULTS = (
 
 def reason(error: Exception) -> str:
     """The message of a USD error without the C++ function it came from; others as they are."""
-    lines = [line.strip() for line in str(error).splitlines() if line.strip(" .")]
+    lines = [line.strip() for line in str(error).splitlines() if line.strip(" .'")]
     if isinstance(error, Tf.ErrorException):
         lines = [line.rsplit(" : ", 1)[-1].strip("' ") for line in lines]
     return "; ".join(lines) or type(error).__name__
