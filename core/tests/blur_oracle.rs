@@ -12,7 +12,7 @@ use std::sync::atomic::AtomicBool;
 use glam::{DAffine3, DMat4, DVec3, Vec3};
 use hdtrapeze_core::aov::{Aov, AovData};
 use hdtrapeze_core::render::{Frame, RenderControl, prepare, render};
-use hdtrapeze_core::scene::prim::Geometry;
+use hdtrapeze_core::scene::Geometry;
 use hdtrapeze_core::scene::{
     CameraDesc, FilterKind, Interpolation, MeshDesc, PointsSamples, PrimCommon, PrimDesc, PrimId,
     PrimvarDesc, RenderSettings, Scene, TransformSamples,
@@ -119,6 +119,7 @@ fn scene(play: &Play, shift: f64) -> Scene {
             points: PointsSamples {
                 times: point_times,
                 points: points.into_iter().map(Arc::new).collect(),
+                ..PointsSamples::default()
             },
         });
         scene.prims.insert(

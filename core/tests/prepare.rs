@@ -9,7 +9,7 @@ use glam::{DMat4, DVec3, Vec3};
 use hdtrapeze_core::diagnostics::Code;
 use hdtrapeze_core::effects::TimePlan;
 use hdtrapeze_core::render::{Preparation, PrepareError, Prepared, prepare};
-use hdtrapeze_core::scene::prim::Geometry;
+use hdtrapeze_core::scene::Geometry;
 use hdtrapeze_core::scene::{
     CameraDesc, InstancesDesc, MeshDesc, PointsSamples, PrimCommon, PrimDesc, PrimId, Scene,
     TransformSamples,
@@ -31,6 +31,7 @@ fn quad(path: &str, place: DVec3) -> PrimDesc {
         points: PointsSamples {
             times: vec![0.0],
             points: vec![Arc::new(points)],
+            ..PointsSamples::default()
         },
     });
     let mut common = PrimCommon::new(path);

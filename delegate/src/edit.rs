@@ -6,10 +6,10 @@
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
-use hdtrapeze_core::scene::prim::Geometry;
 use hdtrapeze_core::scene::{
-    CameraDesc, GridsDesc, InstancesDesc, MeshDesc, PointsSamples, PrimCommon, PrimDesc, PrimId,
-    PrimvarDesc, RenderSettings, Scene, TransformSamples,
+    CameraDesc, CurvesDesc, Geometry, GridsDesc, ImplicitDesc, InstancesDesc, MeshDesc,
+    PointsSamples, PrimCommon, PrimDesc, PrimId, PrimvarDesc, RenderSettings, Scene, SpheresDesc,
+    TransformSamples,
 };
 use hdtrapeze_core::surface::MeshTopology;
 
@@ -22,6 +22,12 @@ pub enum Kind {
     Mesh,
     /// Grids that the host has diced.
     Grids,
+    /// A cube, sphere and so on.
+    Implicit,
+    /// Curves.
+    Curves,
+    /// Spheres.
+    Spheres,
     /// A camera.
     Camera,
 }
@@ -31,8 +37,12 @@ pub enum Kind {
 pub enum Edit {
     /// A mesh's topology.
     Topology(Arc<MeshTopology>),
-    /// A mesh's points.
+    /// Points of a mesh, of curves or spheres.
     Points(PointsSamples),
+    /// A cube, sphere and so on.
+    Implicit(ImplicitDesc),
+    /// Basis, wrap and counts of curves; their points stay.
+    Curves(CurvesDesc),
     /// The grids of a grids prim.
     Grids(GridsDesc),
     /// A camera; its path and transform stay.
@@ -47,6 +57,10 @@ pub enum Edit {
     Visible(bool),
     /// primId AOV value.
     PickId(i32),
+    /// motion:blurScale, and motion:nonlinearSampleCount or none.
+    Motion(f64, Option<u32>),
+    /// Both sides are outsides.
+    DoubleSided(bool),
     /// The prim or camera goes away.
     Remove,
 }
@@ -55,12 +69,18 @@ impl Edit {
     /// Whether a prim of this kind can be edited so.
     fn fits(&self, kind: Kind) -> bool {
         match self {
-            Edit::Topology(_) | Edit::Points(_) => kind == Kind::Mesh,
+            Edit::Topology(_) => kind == Kind::Mesh,
+            Edit::Points(_) => matches!(kind, Kind::Mesh | Kind::Curves | Kind::Spheres),
             Edit::Grids(_) => kind == Kind::Grids,
+            Edit::Implicit(_) => kind == Kind::Implicit,
+            Edit::Curves(_) => kind == Kind::Curves,
             Edit::Camera(_) => kind == Kind::Camera,
-            Edit::Primvar(..) | Edit::Instances(_) | Edit::Visible(_) | Edit::PickId(_) => {
-                kind != Kind::Camera
-            }
+            Edit::Primvar(..)
+            | Edit::Instances(_)
+            | Edit::Visible(_)
+            | Edit::PickId(_)
+            | Edit::Motion(..)
+            | Edit::DoubleSided(_) => kind != Kind::Camera,
             Edit::Transform(_) | Edit::Remove => true,
         }
     }
@@ -191,7 +211,10 @@ fn new_prim(kind: Kind, path: &str) -> PrimDesc {
         common: PrimCommon::new(path),
         geometry: match kind {
             Kind::Grids => Geometry::Grids(GridsDesc::default()),
-            _ => Geometry::Mesh(MeshDesc::default()),
+            Kind::Implicit => Geometry::Implicit(ImplicitDesc::default()),
+            Kind::Curves => Geometry::Curves(CurvesDesc::default()),
+            Kind::Spheres => Geometry::Spheres(SpheresDesc::default()),
+            Kind::Mesh | Kind::Camera => Geometry::Mesh(MeshDesc::default()),
         },
     }
 }
@@ -200,7 +223,16 @@ fn edit_prim(prim: &mut PrimDesc, edit: Edit) {
     let common = &mut prim.common;
     match (edit, &mut prim.geometry) {
         (Edit::Topology(topology), Geometry::Mesh(mesh)) => mesh.topology = topology,
-        (Edit::Points(points), Geometry::Mesh(mesh)) => mesh.points = points,
+        (Edit::Points(new), geometry) => {
+            if let Some(points) = geometry.points_mut() {
+                *points = new;
+            }
+        }
+        (Edit::Implicit(new), Geometry::Implicit(implicit)) => *implicit = new,
+        (Edit::Curves(new), Geometry::Curves(curves)) => {
+            let points = std::mem::take(&mut curves.points);
+            *curves = CurvesDesc { points, ..new };
+        }
         (Edit::Grids(new), Geometry::Grids(grids)) => *grids = new,
         (Edit::Transform(levels), _) => common.transform = levels,
         (Edit::Primvar(name, Some(primvar)), _) => {
@@ -212,6 +244,11 @@ fn edit_prim(prim: &mut PrimDesc, edit: Edit) {
         (Edit::Instances(instances), _) => common.instances = instances.map(Arc::new),
         (Edit::Visible(visible), _) => common.visible = visible,
         (Edit::PickId(id), _) => common.pick_id = id,
+        (Edit::Motion(scale, samples), _) => {
+            common.blur_scale = scale;
+            common.nonlinear_samples = samples;
+        }
+        (Edit::DoubleSided(on), _) => common.double_sided = on,
         // The queue has checked that the edit fits the kind.
         _ => {}
     }
@@ -281,6 +318,7 @@ mod tests {
         Edit::Points(PointsSamples {
             times: vec![0.0],
             points: vec![Arc::new(vec![glam::Vec3::splat(x)])],
+            ..PointsSamples::default()
         })
     }
 

@@ -80,7 +80,7 @@ static trz_id add_cube(trz_session* session) {
     points.sample_count = 1;
     points.points = arrays;
     points.counts = point_counts;
-    check(trz_mesh_set_points(session, cube, &points), "points");
+    check(trz_prim_set_points(session, cube, &points), "points");
 
     trz_primvar color = {0};
     color.struct_size = sizeof color;

@@ -10,6 +10,7 @@ mod passes;
 mod prepare;
 mod prepared;
 mod query;
+mod shape;
 
 pub use crate::film::{Frame, FrameError};
 pub use passes::{RenderControl, RenderStatistics, render};

@@ -4,24 +4,20 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
-use glam::{DAffine3, DVec3, Vec3};
+use glam::{DAffine3, DVec3};
 
+use super::shape::{self, Shape, Target};
 use crate::bvh::ObjectGeometry;
 use crate::camera::Camera;
 use crate::diagnostics::{Code, Warning};
-use crate::dice::{DiceError, DiceInput, RasterMetric, dice};
-use crate::grid::{DicedMesh, octahedral};
+use crate::dice::RasterMetric;
 use crate::motion::{Hierarchy, PointPath, Shutter};
-use crate::scene::prim::Geometry;
-use crate::scene::{MeshDesc, PrimDesc, RenderSettings};
+use crate::scene::{PrimDesc, RenderSettings};
 use crate::shade::{DEFAULT_ALBEDO, PrimShading, Source};
-use crate::surface::polygon::PolygonSurface;
-use crate::surface::{Channel, LimitSurface, Orientation, Scheme, SubdivisionFactory};
+use crate::surface::SubdivisionFactory;
 use crate::trace::InstanceTransform;
 use crate::translate::measure::{ObjectBounds, largest_scale, pixels_per_unit, views_at_keys};
-use crate::translate::mesh::{self, CheckedMesh, PointKeys};
 use crate::translate::route::{self, MatrixPath};
-use crate::translate::{grids, primvar};
 
 /// What every prim is prepared with.
 pub(super) struct Context<'a> {
@@ -76,34 +72,6 @@ impl PrimObjects {
     }
 }
 
-/// A prim's geometry before it is placed: how to dice it along a path.
-enum Shape {
-    Surface {
-        surface: Box<dyn LimitSurface>,
-        mesh: Box<CheckedMesh>,
-        normals: Option<Source>,
-    },
-    Grids {
-        desc: grids::CheckedGrids,
-    },
-}
-
-impl Shape {
-    fn points(&self) -> &PointKeys {
-        match self {
-            Shape::Surface { mesh, .. } => &mesh.points,
-            Shape::Grids { desc } => &desc.points,
-        }
-    }
-
-    fn is_left_handed(&self) -> bool {
-        match self {
-            Shape::Surface { mesh, .. } => mesh.topology.orientation == Orientation::LeftHanded,
-            Shape::Grids { .. } => false,
-        }
-    }
-}
-
 /// Prepares one prim. Never fails: what cannot be rendered is left out with a warning.
 pub(super) fn prepare_prim(prim: &PrimDesc, context: &Context<'_>) -> PrimObjects {
     let start = Instant::now();
@@ -115,17 +83,10 @@ pub(super) fn prepare_prim(prim: &PrimDesc, context: &Context<'_>) -> PrimObject
 fn translate(prim: &PrimDesc, context: &Context<'_>) -> PrimObjects {
     let mut out = PrimObjects::empty();
     let path = &prim.common.path;
-    let shape = match &prim.geometry {
-        Geometry::Mesh(desc) => mesh_shape(prim, desc, context, &mut out),
-        Geometry::Grids(desc) => {
-            let desc = grids::check(path, desc, context.shutter, &mut out.warnings);
-            if let Some(desc) = &desc {
-                grid_shading(prim, desc, &mut out);
-            }
-            desc.map(|desc| Shape::Grids { desc })
-        }
+    let Some(shape) = shape::make(prim, context, &mut out) else {
+        return out;
     };
-    let Some(shape) = shape else { return out };
+    let shape = shape.as_ref();
     let hierarchy = match Hierarchy::new(&prim.common.transform, context.shutter) {
         Ok(hierarchy) => hierarchy,
         Err(error) => {
@@ -136,12 +97,12 @@ fn translate(prim: &PrimDesc, context: &Context<'_>) -> PrimObjects {
     match &prim.common.instances {
         None => {
             let matrix = |t: f64| hierarchy.matrix(t);
-            out.flatten(path, &shape, &matrix, &hierarchy.key_times(), 0, context);
+            out.flatten(path, shape, &matrix, &hierarchy.key_times(), 0, context);
         }
         Some(instances) => match route::instance_paths(instances, &hierarchy, context.shutter) {
             Ok(paths) => {
                 let id = |i: usize| instances.ids.get(i).copied().unwrap_or(i as i32);
-                out.instance(path, &shape, &paths, &id, context);
+                out.instance(path, shape, &paths, &id, context);
             }
             Err(error) => out.drop_prim(path, Code::TimeSamples, &error.to_string()),
         },
@@ -150,11 +111,11 @@ fn translate(prim: &PrimDesc, context: &Context<'_>) -> PrimObjects {
 }
 
 impl PrimObjects {
-    fn warn(&mut self, path: &str, code: Code, text: impl Into<String>) {
+    pub fn warn(&mut self, path: &str, code: Code, text: impl Into<String>) {
         self.warnings.push(Warning::new(path, code, text));
     }
 
-    fn drop_prim(&mut self, path: &str, code: Code, why: &str) {
+    pub fn drop_prim(&mut self, path: &str, code: Code, why: &str) {
         self.warn(path, code, format!("{why}; the prim is dropped"));
     }
 
@@ -162,7 +123,7 @@ impl PrimObjects {
     fn flatten(
         &mut self,
         path: &str,
-        shape: &Shape,
+        shape: &dyn Shape,
         matrix: &dyn Fn(f64) -> DAffine3,
         matrix_keys: &[f64],
         instance_id: i32,
@@ -174,8 +135,13 @@ impl PrimObjects {
         };
         let views = views_at_keys(context.camera, points.key_times());
         let metric = RasterMetric::new(&views, points.origin());
+        let target = Target {
+            path: &points,
+            metric: &metric,
+            instanced: false,
+        };
         self.segments = self.segments.max(points.key_times().len() - 1);
-        if let Some(geometry) = self.build(path, shape, &points, &metric, context) {
+        if let Some(geometry) = self.build(path, shape, &target, context) {
             let transform = InstanceTransform::Translation(DVec3::ZERO);
             let mirrored = matrix(matrix_keys[0]).matrix3.determinant() < 0.0;
             let flip =
@@ -193,7 +159,7 @@ impl PrimObjects {
     fn instance(
         &mut self,
         path: &str,
-        shape: &Shape,
+        shape: &dyn Shape,
         paths: &[Option<MatrixPath>],
         id: &dyn Fn(usize) -> i32,
         context: &Context<'_>,
@@ -222,7 +188,12 @@ impl PrimObjects {
             let points = PointPath::identity(&shape.points().times, bounds.centre());
             self.segments = self.segments.max(points.key_times().len() - 1);
             let metric = RasterMetric::uniform(scale as f32);
-            if let Some(geometry) = self.build(path, shape, &points, &metric, context) {
+            let target = Target {
+                path: &points,
+                metric: &metric,
+                instanced: true,
+            };
+            if let Some(geometry) = self.build(path, shape, &target, context) {
                 let flip = geometry.mesh().normal_key_count == 0 && shape.is_left_handed();
                 for (i, p) in shared {
                     self.segments = self.segments.max(p.key_times.len() - 1);
@@ -252,64 +223,12 @@ impl PrimObjects {
     fn build(
         &mut self,
         path: &str,
-        shape: &Shape,
-        points: &PointPath,
-        metric: &RasterMetric,
+        shape: &dyn Shape,
+        target: &Target<'_>,
         context: &Context<'_>,
     ) -> Option<Arc<ObjectGeometry>> {
         let start = Instant::now();
-        let diced = match shape {
-            Shape::Grids { desc } => desc.place(points),
-            Shape::Surface {
-                surface,
-                mesh,
-                normals,
-            } => {
-                let input = DiceInput {
-                    surface: surface.as_ref(),
-                    path: points,
-                    metric,
-                    shading_rate: context.settings.shading_rate,
-                    // Facets need none: the tracer has the triangle at the ray's own time.
-                    with_normals: !surface.is_polygonal(),
-                    polygons_coarse: true,
-                    max_micropolygons: context.settings.max_micropolygons,
-                    cancel: context.cancel,
-                };
-                let output = match dice(&input) {
-                    Ok(output) => output,
-                    Err(DiceError::Cancelled) => return None,
-                    Err(error) => {
-                        self.drop_prim(path, Code::Budget, &error.to_string());
-                        return None;
-                    }
-                };
-                self.limit_evaluations += output.limit_evaluations;
-                if output.coarsened {
-                    let text = format!(
-                        "needs more than {} micropolygons at this shading rate; it is diced more \
-                         coarsely",
-                        context.settings.max_micropolygons
-                    );
-                    self.warn(path, Code::Budget, text);
-                }
-                if output.dropped_faces > 0 {
-                    let text = format!(
-                        "{} faces have a limit surface that is not finite; dropped",
-                        output.dropped_faces
-                    );
-                    self.warn(path, Code::NotFinite, text);
-                }
-                let mut diced = output.mesh;
-                for grid in &mut diced.grids {
-                    grid.element = mesh.elements[grid.element as usize];
-                }
-                if let Some(normals) = normals {
-                    author_normals(&mut diced, normals, points);
-                }
-                diced
-            }
-        };
+        let diced = shape.dice(path, target, context, self)?;
         self.dice_seconds += start.elapsed().as_secs_f64();
         if diced.grids.is_empty() {
             return None;
@@ -344,120 +263,4 @@ fn instance_pixels(camera: &Camera, path: &MatrixPath, bounds: &ObjectBounds) ->
             pixels_per_unit(&view, &m, bounds) * if behind { 0.125 } else { 1.0 }
         })
         .fold(0.0f64, f64::max)
-}
-
-/// Checks a mesh and makes its surface and shading.
-fn mesh_shape(
-    prim: &PrimDesc,
-    desc: &MeshDesc,
-    context: &Context<'_>,
-    out: &mut PrimObjects,
-) -> Option<Shape> {
-    let path = &prim.common.path;
-    let mesh = mesh::check(path, desc, context.shutter, &mut out.warnings)?;
-    let mut channels = Vec::new();
-    let mut source = |name: &str, width: usize, warnings: &mut Vec<Warning>| {
-        let primvar = prim.common.primvars.get(name)?;
-        let resolved = primvar::resolve(path, name, primvar, width, &mesh, warnings)?;
-        Some(Source::from_resolved(resolved, width, &mut channels))
-    };
-    let color = source("displayColor", 3, &mut out.warnings);
-    let opacity = source("displayOpacity", 1, &mut out.warnings);
-    // USD: authored normals are for polygons; a subdivision surface has its own.
-    let polygonal = mesh.topology.scheme == Scheme::None;
-    let normals = if polygonal {
-        source("normals", 3, &mut out.warnings)
-    } else {
-        None
-    };
-    out.shading = PrimShading {
-        color: color.unwrap_or(Source::Constant(DEFAULT_ALBEDO)),
-        opacity: opacity.filter(|o| *o != Source::Constant([1.0; 3])),
-    };
-    let surface = make_surface(path, &mesh, channels, context.factory, &mut out.warnings)?;
-    Some(Shape::Surface {
-        surface,
-        mesh: Box::new(mesh),
-        normals,
-    })
-}
-
-fn make_surface(
-    path: &str,
-    mesh: &CheckedMesh,
-    channels: Vec<Channel>,
-    factory: &dyn SubdivisionFactory,
-    warnings: &mut Vec<Warning>,
-) -> Option<Box<dyn LimitSurface>> {
-    let points = &mesh.points.points;
-    let mut why = None;
-    if mesh.topology.scheme != Scheme::None {
-        match factory.create(&mesh.topology, points, channels.clone()) {
-            Ok(surface) => {
-                let notes = surface.notes().iter();
-                warnings.extend(notes.map(|n| Warning::new(path, Code::Topology, n.clone())));
-                return Some(surface);
-            }
-            Err(error) => why = Some(error.to_string()),
-        }
-    }
-    match PolygonSurface::new(&mesh.topology, points, channels) {
-        Ok(surface) => {
-            if let Some(why) = why {
-                let text = format!("{why}; rendered as polygons");
-                warnings.push(Warning::new(path, Code::Topology, text));
-            }
-            Some(Box::new(surface))
-        }
-        Err(error) => {
-            let text = format!("{error}; the prim is dropped");
-            warnings.push(Warning::new(path, Code::Topology, text));
-            None
-        }
-    }
-}
-
-/// Shading of pre-diced grids: constant and uniform primvars.
-fn grid_shading(prim: &PrimDesc, desc: &grids::CheckedGrids, out: &mut PrimObjects) {
-    let path = &prim.common.path;
-    let mut source = |name: &str, width: usize| {
-        let primvar = prim.common.primvars.get(name)?;
-        grids::resolve_primvar(path, name, primvar, width, desc, &mut out.warnings)
-    };
-    let color = source("displayColor", 3);
-    let opacity = source("displayOpacity", 1);
-    out.shading = PrimShading {
-        color: color.unwrap_or(Source::Constant(DEFAULT_ALBEDO)),
-        opacity: opacity.filter(|o| *o != Source::Constant([1.0; 3])),
-    };
-}
-
-/// Puts authored object-space normals in the place of the surface's own, carried along the path.
-fn author_normals(mesh: &mut DicedMesh, source: &Source, path: &PointPath) {
-    let keys = if path.turns_normals() {
-        path.key_times().len()
-    } else {
-        1
-    };
-    let mut normals = Vec::with_capacity(mesh.vertex_count * keys);
-    let (mut authored, mut placed) = (Vec::new(), Vec::new());
-    for grid in &mesh.grids {
-        let first = grid.first_vertex as usize;
-        let n = grid.vertex_count();
-        let value = |v: usize| {
-            let [x, y, z] = source.value(grid.element, |channel| {
-                let values = &mesh.channels[channel].values;
-                [values[3 * v], values[3 * v + 1], values[3 * v + 2]]
-            });
-            Vec3::new(x, y, z).normalize_or_zero()
-        };
-        authored.clear();
-        for _ in 0..path.point_key_count() {
-            authored.extend((first..first + n).map(value));
-        }
-        path.map_normals(&authored, n, &mut placed);
-        normals.extend(placed[..n * keys].iter().map(|&v| octahedral::encode(v)));
-    }
-    mesh.normal_key_count = keys;
-    mesh.normals = normals;
 }

@@ -250,6 +250,8 @@ fn same_geometry(old: &Arc<PrimDesc>, new: &Arc<PrimDesc>) -> bool {
     Arc::ptr_eq(old, new)
         || (old.geometry == new.geometry
             && old.common.transform == new.common.transform
+            && old.common.blur_scale == new.common.blur_scale
+            && old.common.nonlinear_samples == new.common.nonlinear_samples
             && old.common.instances == new.common.instances
             && old.common.primvars == new.common.primvars)
 }

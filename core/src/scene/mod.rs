@@ -6,6 +6,7 @@
 //! pointer.
 
 pub mod camera;
+pub mod geometry;
 pub mod prim;
 pub mod settings;
 
@@ -13,10 +14,11 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 pub use camera::{CameraDesc, Projection};
-pub use prim::{
-    GridsDesc, InstancesDesc, Interpolation, MeshDesc, PointsSamples, PrimCommon, PrimDesc,
-    PrimvarDesc, TransformSamples,
+pub use geometry::{
+    Axis, CurveBasis, CurveWrap, CurvesDesc, Geometry, GridsDesc, ImplicitDesc, ImplicitKind,
+    MeshDesc, PointsSamples, Rates, Samples, SpheresDesc,
 };
+pub use prim::{InstancesDesc, Interpolation, PrimCommon, PrimDesc, PrimvarDesc, TransformSamples};
 pub use settings::{FilterKind, RenderSettings, WindowPolicy};
 
 /// Identifies a prim for the life of a scene; never reused.

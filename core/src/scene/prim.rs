@@ -1,11 +1,11 @@
-//! Geometry prims: meshes and pre-diced grids, with their transforms, primvars and instances.
+//! What all geometry prims have: transforms, primvars, instances, visibility.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use glam::{DMat4, Vec3};
+use glam::DMat4;
 
-use crate::surface::MeshTopology;
+use super::Geometry;
 
 /// Matrix samples of one level of the hierarchy. Matrices map local to parent, column vectors
 /// (USD's row-vector matrices in row-major order have the same sixteen numbers in memory).
@@ -15,16 +15,6 @@ pub struct TransformSamples {
     pub times: Vec<f64>,
     /// One matrix a time.
     pub matrices: Vec<DMat4>,
-}
-
-/// Point samples. Arrays may differ in length between samples: then one key is rendered, with a
-/// warning.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct PointsSamples {
-    /// Time codes relative to the frame; any order.
-    pub times: Vec<f64>,
-    /// Object-space points at each time.
-    pub points: Vec<Arc<Vec<Vec3>>>,
 }
 
 /// UsdGeomPrimvar's interpolation.
@@ -83,36 +73,14 @@ pub struct PrimCommon {
     pub visible: bool,
     /// primId AOV value.
     pub pick_id: i32,
-}
-
-/// A polygon or subdivision mesh, unchecked.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct MeshDesc {
-    /// Options of the scheme; counts and indices in it are as authored (`vertex_count` is ignored:
-    /// the points decide), and not checked yet.
-    pub topology: Arc<MeshTopology>,
-    /// Points.
-    pub points: PointsSamples,
-}
-
-/// Grids that the host has diced itself.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct GridsDesc {
-    /// Time codes relative to the frame, one a position key.
-    pub times: Vec<f64>,
-    /// (nu, nv, element) of each grid, rates 1 to 16.
-    pub grids: Vec<(u16, u16, u32)>,
-    /// Object-space positions: for each grid, for each key, (nv+1) rows of (nu+1) vertices.
-    pub positions: Arc<Vec<Vec3>>,
-}
-
-/// Geometry of one prim.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Geometry {
-    /// A mesh.
-    Mesh(MeshDesc),
-    /// Diced grids.
-    Grids(GridsDesc),
+    /// Factor on the motion that is blurred (UsdGeomMotionAPI's motion:blurScale): times relative to
+    /// the frame are multiplied by it. 1 as created, 0 for no blur.
+    pub blur_scale: f64,
+    /// Position samples over the shutter where rates bend a path (motion:nonlinearSampleCount);
+    /// `None`: as many as the path needs.
+    pub nonlinear_samples: Option<u32>,
+    /// Both sides are outsides (UsdGeomGprim's doubleSided): normals face the viewer.
+    pub double_sided: bool,
 }
 
 /// One prim.
@@ -134,6 +102,9 @@ impl PrimCommon {
             primvars: BTreeMap::new(),
             visible: true,
             pick_id: 0,
+            blur_scale: 1.0,
+            nonlinear_samples: None,
+            double_sided: false,
         }
     }
 }

@@ -62,6 +62,7 @@ pub fn check(
     let mut samples = PointsSamples {
         times: desc.times.clone(),
         points: Vec::new(),
+        ..PointsSamples::default()
     };
     for key in 0..keys {
         let mut points: Vec<Vec3> = Vec::with_capacity(vertex_count);

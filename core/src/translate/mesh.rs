@@ -318,6 +318,7 @@ mod tests {
             points: PointsSamples {
                 times: vec![0.0],
                 points: vec![Arc::new(points)],
+                ..PointsSamples::default()
             },
         }
     }

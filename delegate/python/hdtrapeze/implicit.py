@@ -1,10 +1,11 @@
 """Implicit prims that are flat all over, as meshes: UsdGeomCube and UsdGeomPlane."""
 
 import numpy as np
-from pxr import UsdGeom
+from pxr import Usd, UsdGeom
 
 from .guard import number
-from .mesh import Points, Topology
+from .log import SceneLog
+from .mesh import Mesh, Points, Topology
 from .shutter import Shutter
 
 _CUBE_POINTS = np.array(
@@ -17,8 +18,9 @@ _CUBE_FACES = np.array(
 _PLANE_AXES = {"X": (1, 2), "Y": (2, 0), "Z": (0, 1)}
 
 
-def read_cube(cube: UsdGeom.Cube, shutter: Shutter) -> tuple[Topology, Points]:
+def read_cube(prim: Usd.Prim, shutter: Shutter, log: SceneLog, before: Mesh | None) -> Mesh:
     """A cube of the authored size about the origin."""
+    cube = UsdGeom.Cube(prim)
     attribute = cube.GetSizeAttr()
     size = number(attribute, shutter.time)
     topology = Topology(
@@ -27,11 +29,13 @@ def read_cube(cube: UsdGeom.Cube, shutter: Shutter) -> tuple[Topology, Points]:
         face_vertex_indices=_CUBE_FACES,
     )
     points = np.ascontiguousarray(_CUBE_POINTS * np.float32(size))
-    return topology, Points([shutter.open], [points], attribute.ValueMightBeTimeVarying())
+    varies = attribute.ValueMightBeTimeVarying()
+    return Mesh(topology, Points([shutter.open], [points], varies))
 
 
-def read_plane(plane: UsdGeom.Plane, shutter: Shutter) -> tuple[Topology, Points]:
+def read_plane(prim: Usd.Prim, shutter: Shutter, log: SceneLog, before: Mesh | None) -> Mesh:
     """A rectangle about the origin, facing along its axis."""
+    plane = UsdGeom.Plane(prim)
     width = number(plane.GetWidthAttr(), shutter.time)
     length = number(plane.GetLengthAttr(), shutter.time)
     axis = plane.GetAxisAttr().Get() or "Z"
@@ -48,4 +52,4 @@ def read_plane(plane: UsdGeom.Plane, shutter: Shutter) -> tuple[Topology, Points
         face_vertex_indices=np.arange(4, dtype=np.int32),
     )
     varies = any(a.ValueMightBeTimeVarying() for a in (plane.GetWidthAttr(), plane.GetLengthAttr()))
-    return topology, Points([shutter.open], [points], varies)
+    return Mesh(topology, Points([shutter.open], [points], varies))

@@ -6,7 +6,7 @@ Nothing is checked here beyond the types: the renderer checks counts and indices
 from dataclasses import dataclass, field
 
 import numpy as np
-from pxr import Usd, UsdGeom
+from pxr import Usd, UsdGeom, UsdSkel
 
 from .log import SceneLog
 from .shutter import Shutter, bracketing_samples
@@ -61,6 +61,49 @@ class Points:
     times: list[float]
     arrays: list[np.ndarray]  # (n, 3) f32 each
     varies: bool = False
+
+
+@dataclass
+class Mesh:
+    """Geometry of one mesh; see shapes.Shape."""
+
+    topology: Topology
+    points: Points
+    kind: str = "mesh"
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether there is neither a face nor a point."""
+        return not self.topology.face_vertex_counts.size and not any(
+            array.size for array in self.points.arrays
+        )
+
+    @property
+    def varies(self) -> bool:
+        """Whether topology or points may differ at another frame."""
+        return self.topology.varies or self.points.varies
+
+    def send(self, session, prim: int, before: "Mesh | None") -> None:
+        """Sends topology and points, as far as `before` had others."""
+        if before is None or before.topology is not self.topology:
+            session.set_topology(prim, self.topology)
+        if before is None or before.points is not self.points:
+            session.set_points(prim, self.points)
+
+
+def read_mesh(prim: Usd.Prim, shutter: Shutter, log: SceneLog, before: Mesh | None) -> Mesh:
+    """The mesh at the frame; what does not vary is taken over from `before`."""
+    mesh = UsdGeom.Mesh(prim)
+    if UsdSkel.BindingAPI(prim).GetJointIndicesAttr().HasAuthoredValue():
+        text = "skinning is not supported yet: the rest shape is rendered"
+        log.warn(prim.GetPath(), "unsupported-skinning", text)
+    topology = before.topology if before else None
+    if topology is None or topology.varies:
+        topology = read_topology(mesh, shutter, log)
+    points = before.points if before else None
+    if points is None or points.varies or topology.varies:
+        points = read_points(mesh, shutter, topology.varies)
+    return Mesh(topology, points)
 
 
 def read_topology(mesh: UsdGeom.Mesh, shutter: Shutter, log: SceneLog) -> Topology:

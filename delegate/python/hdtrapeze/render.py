@@ -82,7 +82,7 @@ class Renderer:
         if not (self._scene.mesh_count or self._scene.has_hidden):
             self.log.warn("", "empty", "the stage has nothing to render for the purposes asked for")
         if self._camera_id is None:
-            self._camera_id = self.session.create_camera(state.path or "/framing_camera")
+            self._camera_id = self.session.create("camera", state.path or "/framing_camera")
         self.session.set_camera(self._camera_id, state)
         self._apply_settings()
 

@@ -9,27 +9,26 @@ an edit of the stage, everything.
 from dataclasses import dataclass, field
 
 import numpy as np
-from pxr import Tf, Usd, UsdGeom, UsdLux, UsdShade, UsdSkel
+from pxr import Tf, Usd, UsdGeom, UsdLux, UsdShade
 
 from .guard import FAULTS, warn_unreadable
-from .implicit import read_cube, read_plane
 from .instances import InstancerReader, NativeInstances, Placement, PointInstances
 from .log import SceneLog
-from .mesh import read_points, read_topology
 from .primvars import WIDTHS, inherited_from, read_primvars
 from .session import Session
+from .shapes import Shape, find_reader
 from .shutter import Shutter
 from .transforms import Level, TransformReader
 
 
 @dataclass
 class _Sent:
-    """What the session has of one mesh."""
+    """What the session has of one prim."""
 
     prim: int
-    topology_varies: bool = False
-    points_varies: bool = False
-    primvars_vary: bool = False
+    shape: Shape | None = None
+    shape_varies: bool = True
+    primvars_vary: bool = True
     primvars: set[str] = field(default_factory=set)
     levels: list[Level] | None = None
     instances: tuple | None = None
@@ -90,7 +89,8 @@ class SceneSync:
 
     def _forget_what_was_read(self) -> None:
         for sent in self._sent.values():
-            sent.topology_varies = sent.points_varies = sent.primvars_vary = True
+            sent.shape = None
+            sent.shape_varies = sent.primvars_vary = True
 
     # The walk ------------------------------------------------------------------------------------
 
@@ -141,7 +141,7 @@ class SceneSync:
             self._ignored["lights"] += 1
         if not prim.IsA(UsdGeom.Gprim) or purpose not in self._purposes:
             return False
-        if not (prim.IsA(UsdGeom.Mesh) or prim.IsA(UsdGeom.Cube) or prim.IsA(UsdGeom.Plane)):
+        if find_reader(prim) is None:
             self._log.warn(
                 prim.GetPath(), "unsupported", f"{prim.GetTypeName()} is not supported yet"
             )
@@ -237,8 +237,8 @@ class SceneSync:
 
     def _send(self, key: str, prim: Usd.Prim, levels: list[Level], placement) -> None:
         sent = self._sent.get(key)
-        if sent is None or sent.topology_varies or sent.points_varies:
-            sent = self._emit_shape(key, sent, prim)
+        if sent is None or sent.shape_varies:
+            sent = self._send_shape(key, sent, prim)
             if sent is None:
                 return
         self._seen.add(key)
@@ -263,36 +263,23 @@ class SceneSync:
                 session.set_instances(sent.prim, *instances)
             sent.instances = instances
 
-    def _emit_shape(self, key: str, sent: _Sent | None, prim: Usd.Prim) -> _Sent | None:
-        """Topology and points; None for a mesh that is empty."""
-        shutter = self._shutter
-        if prim.IsA(UsdGeom.Mesh):
-            mesh = UsdGeom.Mesh(prim)
-            topology = read_topology(mesh, shutter, self._log)
-            points = read_points(mesh, shutter, topology.varies)
-            if UsdSkel.BindingAPI(prim).GetJointIndicesAttr().HasAuthoredValue():
-                text = "skinning is not supported yet: the rest shape is rendered"
-                self._log.warn(prim.GetPath(), "unsupported-skinning", text)
-        elif prim.IsA(UsdGeom.Cube):
-            topology, points = read_cube(UsdGeom.Cube(prim), shutter)
-        else:
-            topology, points = read_plane(UsdGeom.Plane(prim), shutter)
-        if not topology.face_vertex_counts.size and not any(a.size for a in points.arrays):
+    def _send_shape(self, key: str, sent: _Sent | None, prim: Usd.Prim) -> _Sent | None:
+        """Geometry; None for a prim that has none."""
+        before = sent.shape if sent else None
+        shape = find_reader(prim)(prim, self._shutter, self._log, before)
+        if shape.is_empty:
             self.has_hidden = True  # nothing to say, nothing to draw
             return None
-        new = sent is None
-        if new:
-            sent = _Sent(self._session.create_mesh(str(prim.GetPath())), primvars_vary=True)
+        if sent is None:
+            sent = _Sent(self._session.create(shape.kind, str(prim.GetPath())))
             self._sent[key] = sent
             # A prim that comes and goes keeps its number.
             pick_id = self._pick_ids.setdefault(key, len(self._pick_ids))
             self._session.set_pick_id(sent.prim, pick_id)
             self.prim_paths[pick_id] = str(prim.GetPath())
-        if new or sent.topology_varies:
-            self._session.set_topology(sent.prim, topology)
-        self._session.set_points(sent.prim, points)
-        sent.topology_varies = topology.varies
-        sent.points_varies = points.varies
+        shape.send(self._session, sent.prim, before)
+        sent.shape = shape
+        sent.shape_varies = shape.varies
         return sent
 
 

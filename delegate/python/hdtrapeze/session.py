@@ -100,18 +100,11 @@ class Session:
 
     # Prims ---------------------------------------------------------------------------------------
 
-    def _create(self, function: str, path: str) -> int:
+    def create(self, kind: str, path: str) -> int:
+        """A new prim of a kind: mesh, implicit, curves, spheres or camera."""
         out = ffi.new("trz_id *")
-        self._call(function, _text(path), out)
+        self._call(f"trz_{kind}_create", _text(path), out)
         return out[0]
-
-    def create_mesh(self, path: str) -> int:
-        """A new mesh prim."""
-        return self._create("trz_mesh_create", path)
-
-    def create_camera(self, path: str) -> int:
-        """A new camera."""
-        return self._create("trz_camera_create", path)
 
     def remove(self, prim: int) -> None:
         """Removes a prim."""
@@ -143,7 +136,7 @@ class Session:
         self._call("trz_mesh_set_topology", prim, value)
 
     def set_points(self, prim: int, points: Points) -> None:
-        """Sets a mesh's points."""
+        """Sets the points of a mesh, of curves or spheres."""
         arrays = _Arrays()
         value = native.new("trz_points")
         value.times = arrays.pointer(np.asarray(points.times, dtype=np.float64))
@@ -151,7 +144,7 @@ class Session:
         pointers = [arrays.pointer(array) for array in points.arrays]
         value.points = arrays.keep(ffi.new("float *[]", pointers))
         value.counts = arrays.keep(ffi.new("size_t[]", [len(array) for array in points.arrays]))
-        self._call("trz_mesh_set_points", prim, value)
+        self._call("trz_prim_set_points", prim, value)
 
     def set_transform(self, prim: int, levels: list[Level]) -> None:
         """Sets the transform of a prim or camera, its own level first."""

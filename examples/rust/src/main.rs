@@ -110,7 +110,7 @@ fn add_ball(session: &Session) -> Result<(), String> {
     unsafe {
         check(trz_mesh_create(session.0, c"/ball".as_ptr(), &mut ball))?;
         check(trz_mesh_set_topology(session.0, ball, &topology))?;
-        check(trz_mesh_set_points(session.0, ball, &points))?;
+        check(trz_prim_set_points(session.0, ball, &points))?;
         check(trz_prim_set_transform(session.0, ball, &level, 1))?;
         check(trz_prim_set_pick_id(session.0, ball, 7))
     }

@@ -315,20 +315,6 @@ typedef struct trz_topology {
   size_t corner_sharpness_count;
 } trz_topology;
 
-// Point samples of a mesh, object space.
-typedef struct trz_points {
-  // sizeof(trz_points).
-  uint32_t struct_size;
-  // sample_count times, in time codes relative to the frame, in any order.
-  const double *times;
-  // Number of samples.
-  size_t sample_count;
-  // sample_count arrays of 3 * counts[i] floats.
-  const float *const *points;
-  // Points of each sample.
-  const size_t *counts;
-} trz_points;
-
 // Grids that are already diced, object space.
 typedef struct trz_grids {
   // sizeof(trz_grids).
@@ -391,6 +377,20 @@ typedef struct trz_transform_samples {
   // Number of samples.
   size_t count;
 } trz_transform_samples;
+
+// Point samples of a mesh, object space.
+typedef struct trz_points {
+  // sizeof(trz_points).
+  uint32_t struct_size;
+  // sample_count times, in time codes relative to the frame, in any order.
+  const double *times;
+  // Number of samples.
+  size_t sample_count;
+  // sample_count arrays of 3 * counts[i] floats.
+  const float *const *points;
+  // Points of each sample.
+  const size_t *counts;
+} trz_points;
 
 // A primvar, one sample.
 typedef struct trz_primvar {
@@ -680,15 +680,6 @@ trz_result trz_mesh_set_topology(struct trz_session *session,
                                  trz_id mesh,
                                  const struct trz_topology *topology);
 
-// Queues a mesh's points; everything is copied. Samples of unequal counts are rendered without
-// motion, with a warning at commit.
-//
-// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
-// TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_POISONED. Threads: any.
-trz_result trz_mesh_set_points(struct trz_session *session,
-                               trz_id mesh,
-                               const struct trz_points *points);
-
 // Queues an empty prim of pre-diced grids. path (UTF-8) names it in messages.
 //
 // Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT (path), TRZ_ERROR_POISONED.
@@ -733,6 +724,15 @@ trz_result trz_prim_set_transform(struct trz_session *session,
                                   trz_id prim,
                                   const struct trz_transform_samples *levels,
                                   size_t level_count);
+
+// Queues the points of a mesh, of curves or spheres; everything is copied. Samples of unequal counts are rendered without
+// motion, with a warning at commit.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
+// TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_POISONED. Threads: any.
+trz_result trz_prim_set_points(struct trz_session *session,
+                               trz_id prim,
+                               const struct trz_points *points);
 
 // Queues a primvar under its USD name (displayColor, displayOpacity, normals...), in place of the
 // one before; NULL removes it. Everything is copied.

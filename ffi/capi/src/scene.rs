@@ -80,25 +80,6 @@ pub unsafe extern "C" fn trz_mesh_set_topology(
     }
 }
 
-/// Queues a mesh's points; everything is copied. Samples of unequal counts are rendered without
-/// motion, with a warning at commit.
-///
-/// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
-/// TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_POISONED. Threads: any.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn trz_mesh_set_points(
-    session: *mut trz_session,
-    mesh: trz_id,
-    points: *const trz_points,
-) -> trz_result {
-    // SAFETY: the caller passes null or valid pointers.
-    unsafe {
-        edit(session, mesh, || {
-            convert::points(&input::read(points, "points")?).map(Edit::Points)
-        })
-    }
-}
-
 /// Queues an empty prim of pre-diced grids. path (UTF-8) names it in messages.
 ///
 /// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT (path), TRZ_ERROR_POISONED.
@@ -192,6 +173,25 @@ pub unsafe extern "C" fn trz_prim_set_transform(
     unsafe {
         edit(session, prim, || {
             convert::transform(input::slice(levels, level_count, "levels")?).map(Edit::Transform)
+        })
+    }
+}
+
+/// Queues the points of a mesh, of curves or spheres; everything is copied. Samples of unequal counts are rendered without
+/// motion, with a warning at commit.
+///
+/// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
+/// TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_POISONED. Threads: any.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trz_prim_set_points(
+    session: *mut trz_session,
+    prim: trz_id,
+    points: *const trz_points,
+) -> trz_result {
+    // SAFETY: the caller passes null or valid pointers.
+    unsafe {
+        edit(session, prim, || {
+            convert::points(&input::read(points, "points")?).map(Edit::Points)
         })
     }
 }

@@ -9,7 +9,7 @@ use std::sync::atomic::AtomicBool;
 
 use glam::{DMat4, DVec3, Vec2, Vec3};
 use hdtrapeze_core::render::{Frame, Prepared, RenderControl, prepare, render};
-use hdtrapeze_core::scene::prim::Geometry;
+use hdtrapeze_core::scene::Geometry;
 use hdtrapeze_core::scene::{
     CameraDesc, InstancesDesc, MeshDesc, PointsSamples, PrimCommon, PrimDesc, PrimId,
     RenderSettings, Scene, TransformSamples,
@@ -276,6 +276,7 @@ fn sheet() -> Scene {
     let samples = PointsSamples {
         times: vec![0.0, 1.0],
         points: vec![Arc::new(points(0.0)), Arc::new(points(0.8))],
+        ..PointsSamples::default()
     };
     scene_of(
         vec![mesh("/sheet".to_owned(), topology, samples)],
@@ -306,6 +307,7 @@ fn cube() -> (MeshTopology, PointsSamples) {
         PointsSamples {
             times: vec![0.0],
             points: vec![points],
+            ..PointsSamples::default()
         },
     )
 }

@@ -127,6 +127,7 @@ pub(crate) unsafe fn points(from: &trz_points) -> Result<PointsSamples, Fault> {
                     Ok(Arc::new(vec3s(floats)?))
                 })
                 .collect::<Result<_, Fault>>()?,
+            ..PointsSamples::default()
         })
     }
 }

@@ -103,7 +103,7 @@ fn counts_that_cannot_be() {
             points: &[0.0f32; 3].as_ptr(),
             counts: &(huge / 2),
         };
-        fails(trz_mesh_set_points(s, mesh, &points), bad);
+        fails(trz_prim_set_points(s, mesh, &points), bad);
         let mut primvar = trz_primvar {
             struct_size: size_of::<trz_primvar>() as u32,
             interpolation: TRZ_INTERPOLATION_CONSTANT,

@@ -27,7 +27,7 @@ fn null_session() {
         trz_session_set_log(s, None, null_mut(), 0);
         trz_mesh_create(s, c"/a".as_ptr(), &mut 0);
         trz_mesh_set_topology(s, 1, &topology());
-        trz_mesh_set_points(s, 1, null());
+        trz_prim_set_points(s, 1, null());
         trz_grids_create(s, c"/a".as_ptr(), &mut 0);
         trz_grids_set(s, 1, null());
         trz_camera_create(s, c"/a".as_ptr(), &mut 0);
@@ -163,9 +163,9 @@ fn null_arguments() {
         trz_camera_create(s, name, null_mut());
         trz_mesh_set_topology(s, mesh, null());
         trz_mesh_set_topology(s, mesh, &bad_topology);
-        trz_mesh_set_points(s, mesh, null());
-        trz_mesh_set_points(s, mesh, &points);
-        trz_mesh_set_points(s, mesh, &no_counts);
+        trz_prim_set_points(s, mesh, null());
+        trz_prim_set_points(s, mesh, &points);
+        trz_prim_set_points(s, mesh, &no_counts);
         trz_grids_set(s, grids, null());
         trz_grids_set(s, grids, &grid);
         trz_camera_set(s, camera, null());
@@ -230,7 +230,7 @@ fn empty_arrays_need_no_pointer() {
     // SAFETY: pointers to live values.
     unsafe {
         ok(trz_mesh_set_topology(session.0, mesh, &topology()));
-        ok(trz_mesh_set_points(session.0, mesh, &empty_points));
+        ok(trz_prim_set_points(session.0, mesh, &empty_points));
         ok(trz_grids_set(session.0, grids, &empty_grids));
         ok(trz_prim_set_instances(session.0, mesh, &no_instances));
         ok(trz_prim_set_instances(session.0, mesh, null()));

@@ -119,7 +119,7 @@ impl Session {
             counts: &4,
         };
         // SAFETY: pointers to live values.
-        ok(unsafe { trz_mesh_set_points(self.0, id, &points) });
+        ok(unsafe { trz_prim_set_points(self.0, id, &points) });
     }
 
     pub fn set_samples(&self, samples: u32) {

@@ -1,0 +1,65 @@
+//! A prim's geometry between checking and placing: one module a kind.
+//!
+//! [`make`] checks a prim's description and answers a [`Shape`], or nothing where nothing is left to
+//! render (with warnings that say why). A shape is diced once for every [`Target`] it is placed at.
+
+mod grids;
+mod mesh;
+mod surface;
+
+use super::objects::{Context, PrimObjects};
+use crate::diagnostics::Code;
+use crate::dice::RasterMetric;
+use crate::grid::DicedMesh;
+use crate::motion::PointPath;
+use crate::scene::{Geometry, PrimDesc};
+use crate::translate::mesh::PointKeys;
+
+/// Where, and how finely, a shape is diced.
+pub(super) struct Target<'a> {
+    /// From object-space points at their keys to output keys, in the space that is traced.
+    pub path: &'a PointPath,
+    /// Pixels per unit of that space.
+    pub metric: &'a RasterMetric,
+    /// Diced in object space and shared by many instances: nothing may depend on where the camera
+    /// is. Otherwise the space is the world's, relative to the path's origin.
+    #[allow(dead_code)] // for shapes that face the camera
+    pub instanced: bool,
+}
+
+/// Checked geometry that can be diced.
+pub(super) trait Shape: Send + Sync {
+    /// Object-space points that bound the shape and carry its motion, at keys of the shutter.
+    fn points(&self) -> &PointKeys;
+
+    /// True where the authored outside is not that of the lattices (`dP/du x dP/dv`).
+    fn is_left_handed(&self) -> bool {
+        false
+    }
+
+    /// Grids for `target`; `None`, with a warning in `out`, where the prim is dropped.
+    fn dice(
+        &self,
+        path: &str,
+        target: &Target<'_>,
+        context: &Context<'_>,
+        out: &mut PrimObjects,
+    ) -> Option<DicedMesh>;
+}
+
+/// Checks a prim's geometry and its shading.
+pub(super) fn make(
+    prim: &PrimDesc,
+    context: &Context<'_>,
+    out: &mut PrimObjects,
+) -> Option<Box<dyn Shape>> {
+    match &prim.geometry {
+        Geometry::Mesh(desc) => mesh::make(prim, desc, context, out),
+        Geometry::Grids(desc) => grids::make(prim, desc, context, out),
+        Geometry::Implicit(_) | Geometry::Curves(_) | Geometry::Spheres(_) => {
+            let text = "this kind of prim is not supported yet; it is not rendered";
+            out.warn(&prim.common.path, Code::Unsupported, text);
+            None
+        }
+    }
+}
