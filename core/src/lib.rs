@@ -15,6 +15,7 @@ pub mod bvh;
 pub mod camera;
 pub mod diagnostics;
 pub mod dice;
+pub mod dump;
 pub mod effects;
 pub mod film;
 pub mod grid;

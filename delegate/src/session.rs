@@ -12,6 +12,7 @@ use std::time::{Duration, Instant};
 
 use hdtrapeze_core::aov::{Aov, AovImage};
 use hdtrapeze_core::diagnostics::{Code, Warning};
+use hdtrapeze_core::dump::dump;
 use hdtrapeze_core::render::{Frame, Prepared, RenderControl, WorldHit, WorldRay, prepare, render};
 use hdtrapeze_core::scene::{PrimId, RenderSettings, Scene};
 use hdtrapeze_core::surface::SubdivisionFactory;
@@ -206,6 +207,16 @@ impl Session {
         self.shared.check()?;
         let prepared = self.committed()?.prepared;
         self.shared.guard(|| prepared.explain())
+    }
+
+    /// The scene with all queued edits as text, its samples resolved to the shutter; nothing is
+    /// diced. A running render goes on with what it had.
+    pub fn dump(&self) -> Result<String, Error> {
+        self.may_wait()?;
+        let work = &mut *lock(&self.work);
+        self.shared.check()?;
+        self.apply_edits(work);
+        self.shared.guard(|| dump(&work.scene))
     }
 
     /// The nearest hit of each ray in the committed scene.

@@ -14,6 +14,7 @@ mod shape;
 
 pub use crate::film::{Frame, FrameError};
 pub use passes::{RenderControl, RenderStatistics, render};
+pub(crate) use prepare::resolve_shutter;
 pub use prepare::{Preparation, PrepareError, prepare};
 pub use prepared::{PrepareStatistics, Prepared};
 pub use query::{WorldHit, WorldRay};

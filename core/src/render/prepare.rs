@@ -182,7 +182,7 @@ fn check_settings(settings: &RenderSettings) -> Result<(), PrepareError> {
     Ok(())
 }
 
-fn resolve_shutter(
+pub(crate) fn resolve_shutter(
     camera: &CameraDesc,
     settings: &RenderSettings,
     warnings: &mut Vec<Warning>,

@@ -43,7 +43,13 @@ def _run(arguments: list[str]) -> int:
     parser = make_parser(native.version() if wants_version else "")
     args = parser.parse_args(arguments)
     set_up_command(args.quiet, args.verbose)
-    from .record import record  # usd-core takes half a second to load: not for --help
+    # usd-core takes half a second to load: not for --help.
+    if args.command == "dump":
+        from .dump import dump
 
-    record(args)
+        dump(args)
+    else:
+        from .record import record
+
+        record(args)
     return errors.EXIT_OK

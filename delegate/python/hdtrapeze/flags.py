@@ -84,7 +84,24 @@ def make_parser(version: str) -> argparse.ArgumentParser:
         allow_abbrev=False,
     )
     add_record_flags(record)
+    dump = commands.add_parser(
+        "dump",
+        help="print the scene of a USD file as the renderer understands it",
+        description="Prints prims, motion keys, instances, camera and settings as stable text.",
+        epilog="The flags that choose what is rendered are those of `hdtrapeze record`.",
+        allow_abbrev=False,
+    )
+    add_dump_flags(dump)
     return parser
+
+
+def add_dump_flags(parser: argparse.ArgumentParser) -> None:
+    """Adds every flag of `dump`."""
+    parser.add_argument("usdFilePath", help="the USD file to read")
+    parser.add_argument("--output", "-o", metavar="FILE", help="write to a file, not to stdout")
+    _add_usdrecord_flags(parser.add_argument_group("as usdrecord"))
+    _add_render_flags(parser.add_argument_group("rendering"))
+    _add_output_flags(parser.add_argument_group("messages"))
 
 
 def add_record_flags(parser: argparse.ArgumentParser) -> None:

@@ -4,7 +4,6 @@ Arrays are passed without copies where they have the right type; the renderer co
 keeps, so nothing needs to outlive a call. Calls that take long release Python's lock.
 """
 
-import contextlib
 import logging
 from dataclasses import fields
 
@@ -257,12 +256,17 @@ class Session:
 
     def explain(self) -> str:
         """What the renderer simulates for this scene, and which prim calls for it."""
+        return self._long_text("trz_explain")
+
+    def dump(self) -> str:
+        """The scene as the renderer has it, as text; see record's sister command `dump`."""
+        return self._long_text("trz_scene_dump")
+
+    def _long_text(self, function: str) -> str:
         needed = ffi.new("size_t *")
-        with contextlib.suppress(native.NativeError):
-            self._call("trz_explain", ffi.NULL, 0, needed)
-        capacity = max(int(needed[0]), 1 << 16)
-        buffer = ffi.new("char[]", capacity)
-        self._call("trz_explain", buffer, capacity, needed)
+        self._call(function, ffi.NULL, 0, needed)
+        buffer = ffi.new("char[]", int(needed[0]))
+        self._call(function, buffer, len(buffer), needed)
         return ffi.string(buffer).decode("utf-8", "replace")
 
     # Results -------------------------------------------------------------------------------------

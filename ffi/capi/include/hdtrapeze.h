@@ -852,6 +852,19 @@ trz_result trz_explain(struct trz_session *session,
                        size_t capacity,
                        size_t *out_needed);
 
+// Writes the scene with all queued edits as text: prims in the order of their paths, motion at keys
+// across the shutter, instances, camera and settings, and what is wrong with them. Two hosts that
+// mean the same scene get the same text. Nothing is diced or rendered; a running render goes on.
+// out_needed becomes the bytes needed, also with TRZ_ERROR_BUFFER_TOO_SMALL; with capacity 0 that is
+// all that is done.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_BUFFER_TOO_SMALL, TRZ_ERROR_BUSY, TRZ_ERROR_POISONED.
+// Threads: any; waits for a commit.
+trz_result trz_scene_dump(struct trz_session *session,
+                          char *buffer,
+                          size_t capacity,
+                          size_t *out_needed);
+
 // Fills out, whose struct_size the caller has set, with the size and type of an AOV of the last
 // render that was started.
 //

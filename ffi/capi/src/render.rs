@@ -183,3 +183,26 @@ pub unsafe extern "C" fn trz_explain(
         })
     }
 }
+
+/// Writes the scene with all queued edits as text: prims in the order of their paths, motion at keys
+/// across the shutter, instances, camera and settings, and what is wrong with them. Two hosts that
+/// mean the same scene get the same text. Nothing is diced or rendered; a running render goes on.
+/// out_needed becomes the bytes needed, also with TRZ_ERROR_BUFFER_TOO_SMALL; with capacity 0 that is
+/// all that is done.
+///
+/// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_BUFFER_TOO_SMALL, TRZ_ERROR_BUSY, TRZ_ERROR_POISONED.
+/// Threads: any; waits for a commit.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trz_scene_dump(
+    session: *mut trz_session,
+    buffer: *mut c_char,
+    capacity: usize,
+    out_needed: *mut usize,
+) -> trz_result {
+    // SAFETY: the caller passes null or valid pointers.
+    unsafe {
+        with_session(session, |session| {
+            session::copy_text(&session.dump()?, buffer, capacity, out_needed)
+        })
+    }
+}

@@ -48,6 +48,7 @@ fn null_session() {
         trz_render_progress(s, null_mut());
         trz_statistics_get(s, null_mut());
         trz_explain(s, null_mut(), 0, &mut 0);
+        trz_scene_dump(s, null_mut(), 0, &mut 0);
         trz_aov_describe(s, c"color".as_ptr(), null_mut());
         trz_aov_read(s, c"color".as_ptr(), null_mut(), 0);
         trz_image_write(s, c"/tmp/a".as_ptr(), null());
@@ -182,6 +183,8 @@ fn null_arguments() {
         trz_statistics_get(s, null_mut());
         trz_explain(s, null_mut(), 0, null_mut());
         trz_explain(s, null_mut(), 9, &mut 0);
+        trz_scene_dump(s, null_mut(), 0, null_mut());
+        trz_scene_dump(s, null_mut(), 9, &mut 0);
         trz_aov_describe(s, null(), null_mut());
         trz_aov_describe(s, c"color".as_ptr(), null_mut());
         trz_aov_read(s, null(), null_mut(), 0);

@@ -1,0 +1,153 @@
+//! The geometry of a prim in a dump: what checking leaves of it, and its points at keys.
+
+use glam::Vec3;
+
+use super::text::{Page, array, integers, number};
+use crate::diagnostics::Warning;
+use crate::motion::Shutter;
+use crate::scene::{CurvesDesc, Geometry, GridsDesc, ImplicitDesc, MeshDesc, PointsSamples};
+use crate::surface::MeshTopology;
+use crate::translate::grids;
+use crate::translate::mesh::{PointKeys, check, point_keys};
+
+/// The word that a prim's lines begin with.
+pub(super) fn kind(geometry: &Geometry) -> &'static str {
+    match geometry {
+        Geometry::Mesh(_) => "mesh",
+        Geometry::Grids(_) => "grids",
+        Geometry::Implicit(_) => "implicit",
+        Geometry::Curves(_) => "curves",
+        Geometry::Spheres(_) => "spheres",
+    }
+}
+
+pub(super) fn write(
+    page: &mut Page,
+    path: &str,
+    geometry: &Geometry,
+    shutter: Shutter,
+    warnings: &mut Vec<Warning>,
+) {
+    match geometry {
+        Geometry::Mesh(desc) => mesh(page, path, desc, shutter, warnings),
+        Geometry::Grids(desc) => grids(page, path, desc, shutter, warnings),
+        Geometry::Implicit(desc) => implicit(page, desc),
+        Geometry::Curves(desc) => curves(page, path, desc, shutter, warnings),
+        Geometry::Spheres(desc) => raw_points(page, path, &desc.points, shutter, warnings),
+    }
+}
+
+fn mesh(
+    page: &mut Page,
+    path: &str,
+    desc: &MeshDesc,
+    shutter: Shutter,
+    warnings: &mut Vec<Warning>,
+) {
+    let Some(mesh) = check(path, desc, shutter, warnings) else {
+        return page.line("nothing to render");
+    };
+    topology(page, &mesh.topology);
+    if mesh.elements.len() != mesh.authored_faces {
+        page.line(&format!("authored faces kept {}", integers(&mesh.elements)));
+    }
+    points(page, &mesh.points);
+}
+
+fn topology(page: &mut Page, topology: &MeshTopology) {
+    page.line(&format!("scheme {:?}", topology.scheme));
+    page.line(&format!(
+        "boundary {:?}, face-varying {:?}, triangles {:?}, {:?}",
+        topology.boundary, topology.face_varying, topology.triangles, topology.orientation
+    ));
+    page.line(&format!(
+        "face vertex counts {}",
+        integers(&topology.face_vertex_counts)
+    ));
+    page.line(&format!(
+        "face vertex indices {}",
+        integers(&topology.face_vertex_indices)
+    ));
+    if !topology.holes.is_empty() {
+        page.line(&format!("holes {}", integers(&topology.holes)));
+    }
+    for crease in &topology.creases {
+        let sharpness: Vec<f64> = crease.sharpness.iter().map(|&s| s.into()).collect();
+        page.line(&format!(
+            "crease {} sharpness {}",
+            integers(&crease.vertices),
+            array(&sharpness, 1)
+        ));
+    }
+    for &(vertex, sharpness) in &topology.corners {
+        page.line(&format!("corner {vertex} sharpness {}", number(sharpness)));
+    }
+}
+
+fn grids(
+    page: &mut Page,
+    path: &str,
+    desc: &GridsDesc,
+    shutter: Shutter,
+    warnings: &mut Vec<Warning>,
+) {
+    let Some(checked) = grids::check(path, desc, shutter, warnings) else {
+        return page.line("nothing to render");
+    };
+    let rates = desc.grids.iter();
+    let rates: Vec<f64> = rates
+        .flat_map(|&(nu, nv, _)| [nu.into(), nv.into()])
+        .collect();
+    page.line(&format!("rates {}", array(&rates, 2)));
+    points(page, &checked.points);
+}
+
+fn implicit(page: &mut Page, desc: &ImplicitDesc) {
+    page.line(&format!(
+        "{:?} along {:?}, {:?}",
+        desc.kind, desc.axis, desc.orientation
+    ));
+    for (time, sizes) in desc.times.iter().zip(&desc.sizes) {
+        page.line(&format!("sizes at {}: {}", number(*time), array(sizes, 3)));
+    }
+}
+
+fn curves(
+    page: &mut Page,
+    path: &str,
+    desc: &CurvesDesc,
+    shutter: Shutter,
+    warnings: &mut Vec<Warning>,
+) {
+    page.line(&format!("basis {:?}, wrap {:?}", desc.basis, desc.wrap));
+    page.line(&format!("vertex counts {}", integers(&desc.vertex_counts)));
+    raw_points(page, path, &desc.points, shutter, warnings);
+}
+
+fn raw_points(
+    page: &mut Page,
+    path: &str,
+    samples: &PointsSamples,
+    shutter: Shutter,
+    warnings: &mut Vec<Warning>,
+) {
+    match point_keys(path, samples, 0, shutter, warnings) {
+        Some(keys) => points(page, &keys),
+        None => page.line("nothing to render"),
+    }
+}
+
+fn points(page: &mut Page, keys: &PointKeys) {
+    for (time, points) in keys.times.iter().zip(&keys.points) {
+        let text = vectors(points);
+        page.line(&format!("points at {}: {text}", number(*time)));
+    }
+}
+
+fn vectors(values: &[Vec3]) -> String {
+    let floats: Vec<f64> = values
+        .iter()
+        .flat_map(|v| v.to_array().map(f64::from))
+        .collect();
+    array(&floats, 3)
+}

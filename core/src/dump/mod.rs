@@ -1,0 +1,97 @@
+//! The translated scene as text: what every host must agree on, to the character.
+//!
+//! Raw samples are resolved to the shutter first (keys in [0, 1], rates applied, levels of transforms
+//! multiplied), so that two hosts which sample differently but mean the same print the same. Nothing
+//! is diced. Prims come in the order of their paths; numbers have six significant digits, and what is
+//! nothing beside its neighbours is 0 (see [`text`]). Warnings of the translation follow their prim.
+//!
+//! Matrices are printed as USD prints them: row vectors, four rows.
+
+mod camera;
+mod geometry;
+mod prim;
+mod text;
+
+use std::sync::Arc;
+
+use crate::diagnostics::Warning;
+use crate::render::resolve_shutter;
+use crate::scene::{CameraDesc, PrimDesc, RenderSettings, Scene};
+use text::{Page, number, pair};
+
+/// Version of the format; the first line of every dump tells it.
+pub const VERSION: u32 = 1;
+
+/// The scene as its active camera sees it; without one, at the frame's own time.
+pub fn dump(scene: &Scene) -> String {
+    let mut page = Page::default();
+    page.line(&format!("hdtrapeze dump {VERSION}"));
+    let settings = &scene.settings;
+    let none = CameraDesc::default();
+    let camera = scene.active_camera.and_then(|id| scene.cameras.get(&id));
+    let mut warnings = Vec::new();
+    let shutter = resolve_shutter(camera.map_or(&none, Arc::as_ref), settings, &mut warnings);
+    page.line("");
+    page.line(&format!("shutter {}", pair([shutter.open, shutter.close])));
+    write_warnings(&mut page, &warnings);
+    page.line("");
+    write_settings(&mut page, settings);
+    page.line("");
+    match camera {
+        Some(camera) => camera::write(&mut page, camera, shutter),
+        None => page.line("no camera"),
+    }
+    let mut prims: Vec<&Arc<PrimDesc>> = scene.prims.values().collect();
+    // Stable: prims that share a path stay in the order of their creation.
+    prims.sort_by(|a, b| a.common.path.cmp(&b.common.path));
+    for desc in prims {
+        page.line("");
+        prim::write(&mut page, desc, shutter);
+    }
+    page.finish()
+}
+
+fn write_settings(page: &mut Page, settings: &RenderSettings) {
+    page.line("settings");
+    page.indented(|page| {
+        let [width, height] = settings.resolution;
+        page.line(&format!("resolution {width} {height}"));
+        page.line(&format!("pixel aspect {}", number(settings.pixel_aspect)));
+        page.line(&format!("window policy {:?}", settings.window_policy));
+        if let Some([x0, y0, x1, y1]) = settings.crop {
+            page.line(&format!("crop {x0} {y0} {x1} {y1}"));
+        }
+        page.line(&format!("samples {}", settings.samples));
+        page.line(&format!("shading rate {}", number(settings.shading_rate)));
+        let width = match settings.filter_width > 0.0 {
+            true => settings.filter_width,
+            false => settings.filter.default_width(),
+        };
+        page.line(&format!("filter {:?} {}", settings.filter, number(width)));
+        page.line(&format!("seed {}", settings.seed));
+        let switched = [
+            (settings.disable_motion_blur, "no motion blur"),
+            (settings.disable_defocus, "no defocus"),
+            (!settings.camera_light, "no camera light"),
+        ];
+        for (on, text) in switched {
+            if on {
+                page.line(text);
+            }
+        }
+        page.line(&format!("aovs {}", settings.aovs.join(" ")));
+    });
+}
+
+fn write_warnings(page: &mut Page, warnings: &[Warning]) {
+    for warning in warnings {
+        page.line(&format!(
+            "warning {}: {}",
+            warning.code.name(),
+            warning.text
+        ));
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,92 @@
+//! A scene with motion and faults, and its text.
+
+use std::sync::Arc;
+
+use glam::{DMat4, DVec3, Vec3};
+
+use super::dump;
+use crate::scene::{
+    CameraDesc, Geometry, MeshDesc, PointsSamples, PrimCommon, PrimDesc, PrimId, Scene,
+    TransformSamples,
+};
+use crate::surface::{MeshTopology, Scheme};
+
+fn scene() -> Scene {
+    let topology = MeshTopology {
+        scheme: Scheme::None,
+        face_vertex_counts: vec![3, 2],
+        face_vertex_indices: vec![0, 1, 2, 0, 1],
+        ..MeshTopology::default()
+    };
+    let points = |y: f32| Arc::new(vec![Vec3::new(0.0, y, 0.0), Vec3::X, Vec3::Y]);
+    let geometry = Geometry::Mesh(MeshDesc {
+        topology: Arc::new(topology),
+        points: PointsSamples {
+            times: vec![-1.0, 1.0],
+            points: vec![points(-1.0), points(1.0)],
+            ..PointsSamples::default()
+        },
+    });
+    let mut common = PrimCommon::new("/b");
+    common.transform = vec![TransformSamples {
+        times: vec![0.0],
+        matrices: vec![DMat4::from_translation(DVec3::new(1.0, 1.0e-12, 0.0))],
+    }];
+    let empty = PrimDesc {
+        common: PrimCommon::new("/a"),
+        geometry: Geometry::Mesh(MeshDesc::default()),
+    };
+    let camera = CameraDesc {
+        path: "/camera".to_owned(),
+        shutter: [-0.25, 0.25],
+        ..CameraDesc::default()
+    };
+    let mut scene = Scene::default();
+    scene
+        .prims
+        .insert(PrimId(1), Arc::new(PrimDesc { common, geometry }));
+    scene.prims.insert(PrimId(2), Arc::new(empty));
+    scene.cameras.insert(PrimId(3), Arc::new(camera));
+    scene.active_camera = Some(PrimId(3));
+    scene
+}
+
+#[test]
+fn a_scene_is_told_in_order_of_paths_with_resolved_motion() {
+    let text = dump(&scene());
+    let wanted = "\
+mesh /a
+  nothing to render
+  transform at 0: ((1 0 0 0) (0 1 0 0) (0 0 1 0) (0 0 0 1))
+
+mesh /b
+  scheme None
+  boundary EdgeAndCorner, face-varying CornersPlus1, triangles CatmullClark, RightHanded
+  face vertex counts 1: 3
+  face vertex indices 3: 0 1 2
+  authored faces kept 1: 0
+  points at 0: 3: (0 -0.25 0) (1 0 0) (0 1 0)
+  points at 1: 3: (0 0.25 0) (1 0 0) (0 1 0)
+  transform at 0: ((1 0 0 0) (0 1 0 0) (0 0 1 0) (1 0 0 1))
+  warning topology: 1 of 2 faces have fewer than 3 vertices; dropped
+";
+    assert!(
+        text.starts_with("hdtrapeze dump 1\n\nshutter -0.25 0.25\n"),
+        "{text}"
+    );
+    assert!(text.contains("\ncamera /camera\n"), "{text}");
+    assert!(text.ends_with(wanted), "{text}");
+}
+
+#[test]
+fn a_scene_without_a_camera_is_told_at_the_frame() {
+    let mut scene = scene();
+    scene.active_camera = None;
+    let text = dump(&scene);
+    assert!(text.contains("shutter 0 0\n") && text.contains("no camera\n"));
+    assert!(
+        text.contains("points at 0: 3: (0 0 0) (1 0 0) (0 1 0)\n"),
+        "{text}"
+    );
+    assert!(!text.contains("points at 1"));
+}

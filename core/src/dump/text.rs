@@ -1,0 +1,188 @@
+//! Lines, numbers and arrays of a dump.
+
+use std::fmt::Write;
+
+use glam::DAffine3;
+
+/// Significant digits of numbers: two hosts' f32 arithmetic agrees to more.
+const DIGITS: i32 = 6;
+/// Arrays up to this length are printed whole.
+const WHOLE: usize = 24;
+/// Values printed at either end of longer arrays.
+const ENDS: usize = 4;
+/// A value this much smaller than the largest of its group is printed as 0.
+const NOTHING: f64 = 1.0e-7;
+
+/// Indented lines.
+#[derive(Default)]
+pub(super) struct Page {
+    text: String,
+    depth: usize,
+}
+
+impl Page {
+    /// One line.
+    pub fn line(&mut self, text: &str) {
+        if !text.is_empty() {
+            self.text.extend(std::iter::repeat_n("  ", self.depth));
+            self.text.push_str(text);
+        }
+        self.text.push('\n');
+    }
+
+    /// Lines one step to the right.
+    pub fn indented(&mut self, write: impl FnOnce(&mut Self)) {
+        self.depth += 1;
+        write(self);
+        self.depth -= 1;
+    }
+
+    /// Everything that was written.
+    pub fn finish(self) -> String {
+        self.text
+    }
+}
+
+/// A number with six significant digits and nothing superfluous.
+pub(super) fn number(x: impl Into<f64>) -> String {
+    let x: f64 = x.into();
+    if x == 0.0 {
+        return "0".to_owned();
+    }
+    if !x.is_finite() {
+        return format!("{x}").to_lowercase();
+    }
+    let scientific = format!("{x:.*e}", DIGITS as usize - 1);
+    let (mantissa, exponent) = scientific.split_once('e').unwrap_or((&scientific, "0"));
+    let exponent: i32 = exponent.parse().unwrap_or(0);
+    let trim = |text: &str| match text.contains('.') {
+        true => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
+        false => text.to_owned(),
+    };
+    if (-5..DIGITS + 3).contains(&exponent) {
+        // Rounded to the same digits, written out.
+        let rounded: f64 = scientific.parse().unwrap_or(x);
+        let decimals = (DIGITS - 1 - exponent).max(0) as usize;
+        trim(&format!("{rounded:.decimals$}"))
+    } else {
+        format!("{}e{exponent}", trim(mantissa))
+    }
+}
+
+/// Two numbers.
+pub(super) fn pair(values: [f64; 2]) -> String {
+    numbers(&values)
+}
+
+/// Numbers of one group, apart by spaces.
+pub(super) fn numbers(values: &[f64]) -> String {
+    let scale = largest(values);
+    join(values, scale)
+}
+
+fn largest(values: &[f64]) -> f64 {
+    let finite = values.iter().filter(|x| x.is_finite());
+    finite.fold(0.0f64, |m, x| m.max(x.abs()))
+}
+
+fn join(values: &[f64], scale: f64) -> String {
+    let mut text = String::new();
+    for (i, &x) in values.iter().enumerate() {
+        let x = if x.abs() < NOTHING * scale { 0.0 } else { x };
+        let _ = write!(text, "{}{}", if i > 0 { " " } else { "" }, number(x));
+    }
+    text
+}
+
+/// `width` numbers a value: `count: (x y z) (x y z)`. Long arrays show both ends, and the least, the
+/// largest and the mean of each component.
+pub(super) fn array(values: &[f64], width: usize) -> String {
+    let width = width.max(1);
+    let count = values.len() / width;
+    let scale = largest(values);
+    let value = |i: usize| {
+        let text = join(&values[i * width..(i + 1) * width], scale);
+        match width {
+            1 => text,
+            _ => format!("({text})"),
+        }
+    };
+    let list = |range: std::ops::Range<usize>| range.map(value).collect::<Vec<_>>().join(" ");
+    if count <= WHOLE {
+        return format!("{count}: {}", list(0..count)).trim_end().to_owned();
+    }
+    let component = |c: usize| values[c..].iter().step_by(width).copied();
+    let each = |f: &dyn Fn(usize) -> f64| {
+        let found: Vec<f64> = (0..width).map(f).collect();
+        join(&found, scale)
+    };
+    let least = each(&|c| component(c).fold(f64::INFINITY, f64::min));
+    let most = each(&|c| component(c).fold(f64::NEG_INFINITY, f64::max));
+    let mean = each(&|c| component(c).sum::<f64>() / count as f64);
+    format!(
+        "{count}: {} ... {}, least {least}, most {most}, mean {mean}",
+        list(0..ENDS),
+        list(count - ENDS..count)
+    )
+}
+
+/// Integers, as [`array`].
+pub(super) fn integers<T: Copy + Into<i64>>(values: &[T]) -> String {
+    let values: Vec<f64> = values.iter().map(|&v| v.into() as f64).collect();
+    array(&values, 1)
+}
+
+/// A matrix as USD prints it.
+pub(super) fn matrix(m: &DAffine3) -> String {
+    let size = largest(&m.matrix3.to_cols_array());
+    let reach = size.max(largest(&m.translation.to_array()));
+    let row = |v: glam::DVec3, w: u8, scale: f64| format!("({} {w})", join(&v.to_array(), scale));
+    format!(
+        "({} {} {} {})",
+        row(m.matrix3.x_axis, 0, size),
+        row(m.matrix3.y_axis, 0, size),
+        row(m.matrix3.z_axis, 0, size),
+        row(m.translation, 1, reach)
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+
+    #[test]
+    fn numbers_are_short_and_rounded() {
+        let cases = [
+            (0.0, "0"),
+            (-0.0, "0"),
+            (1.0, "1"),
+            (-2.5, "-2.5"),
+            (0.1f32.into(), "0.1"),
+            (1.0 / 3.0, "0.333333"),
+            (123_456_789.0, "123457000"),
+            (1.0e12, "1e12"),
+            (1.25e-9, "1.25e-9"),
+            (99_999_999.0, "100000000"),
+            (f64::NAN, "nan"),
+            (f64::INFINITY, "inf"),
+        ];
+        for (x, text) in cases {
+            assert_eq!(number(x), text);
+        }
+    }
+
+    #[test]
+    fn noise_is_nothing_and_arrays_are_summed_up() {
+        assert_eq!(numbers(&[1.0, 1.0e-9]), "1 0");
+        assert_eq!(array(&[1.0, 2.0, 3.0, 4.0], 2), "2: (1 2) (3 4)");
+        assert_eq!(array(&[], 3), "0:");
+        let many: Vec<f64> = (0..100).map(f64::from).collect();
+        assert_eq!(
+            array(&many, 1),
+            "100: 0 1 2 3 ... 96 97 98 99, least 0, most 99, mean 49.5"
+        );
+        let m = DAffine3::from_translation(DVec3::new(1.0, 2.0, 3.0));
+        assert_eq!(matrix(&m), "((1 0 0 0) (0 1 0 0) (0 0 1 0) (1 2 3 1))");
+    }
+}
