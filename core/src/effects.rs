@@ -31,6 +31,8 @@ pub struct EffectPlan {
     pub lens_by: Option<String>,
     /// Path of the first prim that is not opaque.
     pub transparency_by: Option<String>,
+    /// Path of the first prim that is a matte object (a holdout).
+    pub matte_by: Option<String>,
     /// Number of instances traced through a moving matrix.
     pub moving_instances: usize,
     /// Number of prims lit by the camera light.
@@ -51,6 +53,11 @@ impl EffectPlan {
     /// True when a ray may pass through a surface.
     pub fn has_transparency(&self) -> bool {
         self.transparency_by.is_some()
+    }
+
+    /// True when a surface may hold out what lies behind it.
+    pub fn has_matte(&self) -> bool {
+        self.matte_by.is_some()
     }
 }
 
@@ -94,6 +101,9 @@ impl fmt::Display for EffectPlan {
         match &self.transparency_by {
             Some(path) => writeln!(f, "opacity: transparent, called for by {path}")?,
             None => writeln!(f, "opacity: opaque")?,
+        }
+        if self.has_matte() {
+            writeln!(f, "matte objects: some{}", by(&self.matte_by))?;
         }
         let light = if self.camera_light {
             "camera light, no shadows"

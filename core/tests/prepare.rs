@@ -96,7 +96,10 @@ fn an_edit_dices_only_what_it_touches() {
     edit(&mut scene, 2, |p| p.common.transform = vec![]);
     let moved = commit(&scene, Some(&again)).prepared;
     assert_eq!(touched(&moved), (1, 2));
-    edit(&mut scene, 1, |p| p.common.pick_id = 7);
+    edit(&mut scene, 1, |p| {
+        p.common.pick_id = 7;
+        p.common.matte = true;
+    });
     edit(&mut scene, 3, |p| p.common.visible = false);
     let renamed = commit(&scene, Some(&moved)).prepared;
     assert_eq!(touched(&renamed), (0, 2));
@@ -127,6 +130,12 @@ fn the_plan_names_who_called_for_an_effect() {
         bytes(&linear) > bytes(&still),
         "only what moves has second positions and bounds"
     );
+
+    assert!(!linear.plan().has_matte() && !linear.explain().contains("matte"));
+    edit(&mut scene, 3, |p| p.common.matte = true);
+    let matte = commit(&scene, Some(&linear)).prepared;
+    assert_eq!(matte.plan().matte_by.as_deref(), Some("/q2"));
+    assert!(matte.explain().contains("called for by /q2"));
 
     let mut camera_only = three();
     edit_camera(&mut camera_only, |c| {

@@ -55,6 +55,8 @@ pub enum Edit {
     Instances(Option<InstancesDesc>),
     /// Visible to the camera.
     Visible(bool),
+    /// A holdout.
+    Matte(bool),
     /// primId AOV value.
     PickId(i32),
     /// motion:blurScale, and motion:nonlinearSampleCount or none.
@@ -78,6 +80,7 @@ impl Edit {
             Edit::Primvar(..)
             | Edit::Instances(_)
             | Edit::Visible(_)
+            | Edit::Matte(_)
             | Edit::PickId(_)
             | Edit::Motion(..)
             | Edit::DoubleSided(_) => kind != Kind::Camera,
@@ -243,6 +246,7 @@ fn edit_prim(prim: &mut PrimDesc, edit: Edit) {
         }
         (Edit::Instances(instances), _) => common.instances = instances.map(Arc::new),
         (Edit::Visible(visible), _) => common.visible = visible,
+        (Edit::Matte(matte), _) => common.matte = matte,
         (Edit::PickId(id), _) => common.pick_id = id,
         (Edit::Motion(scale, samples), _) => {
             common.blur_scale = scale;

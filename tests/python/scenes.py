@@ -95,13 +95,15 @@ class Image(dict):
         return self["color"][..., 3]
 
 
-def render(stage, frame=0.0, aovs=("color",), width=SIZE, height=SIZE, **settings):
+def render(
+    stage, frame=0.0, aovs=("color",), width=SIZE, height=SIZE, render_pass=None, **settings
+):
     """One frame through /camera with a box filter and few samples, unless said otherwise."""
     settings = {"samples": 4, "filter": "box"} | settings
     if "camera" not in settings and stage.GetPrimAtPath("/camera"):
         settings["camera"] = "/camera"
     options = Options(width=width, height=height, aovs=list(aovs), **settings)
-    with Renderer(options) as renderer:
+    with Renderer(options, render_pass=render_pass) as renderer:
         renderer.load(stage, frame)
         renderer.render()
         image = Image({name: renderer.aov(name) for name in aovs})

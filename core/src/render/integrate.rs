@@ -64,6 +64,15 @@ impl<'a> Integrator<'a> {
         if tile.samples >= target {
             return;
         }
+        if self.prepared.plan.has_matte() {
+            self.fill_with::<true>(tile, target, counts);
+        } else {
+            self.fill_with::<false>(tile, target, counts);
+        }
+    }
+
+    /// `fill` for scenes with matte objects, or for those without: these are not asked for any.
+    fn fill_with<const MATTE: bool>(&self, tile: &mut Tile, target: u32, counts: &mut TraceCounts) {
         let range = tile.samples..target;
         for by in (0..tile.height).step_by(BLOCK as usize) {
             for bx in (0..tile.width).step_by(BLOCK as usize) {
@@ -83,7 +92,7 @@ impl<'a> Integrator<'a> {
                         let job = self.generate(*pixel, pattern.sample(index));
                         let mut own = TraceCounts::default();
                         let hit = self.prepared.world.trace(&job.ray, &mut own);
-                        let sample = self.shade(&job, &hit, &mut own);
+                        let sample = self.shade::<MATTE>(&job, &hit, &mut own);
                         tile.add(*slot, &sample);
                         *counts = *counts + own;
                     }
@@ -119,33 +128,46 @@ impl<'a> Integrator<'a> {
         }
     }
 
-    /// Composites what the ray meets, front to back.
-    fn shade(&self, job: &Job, first: &Hit, counts: &mut TraceCounts) -> Sample {
+    /// Composites what the ray meets, front to back. A matte object takes its share of the ray away
+    /// and gives nothing for it: neither colour nor alpha, nor the values of a first hit.
+    fn shade<const MATTE: bool>(&self, job: &Job, first: &Hit, counts: &mut TraceCounts) -> Sample {
         let mut color = Vec3::ZERO;
         let mut transmittance = 1.0f32;
+        let mut held_out = 0.0f32;
         let mut found = None;
+        let mut unseen = true;
         let wants_first = self.keeps.first();
         let mut hit = *first;
         for _ in 0..MAX_LAYERS {
             if !hit.is_hit() {
                 break;
             }
-            let (layer, opacity) = self.surface(&job.ray, &hit, wants_first && found.is_none());
-            if opacity > 0.0 && found.is_none() {
-                found = Some(layer.first);
+            let (layer, opacity) = self.surface(&job.ray, &hit, wants_first && unseen);
+            let matte = MATTE && self.prepared.hit_prim(&hit).1.matte;
+            if opacity > 0.0 && unseen {
+                unseen = false;
+                found = (!matte).then_some(layer.first);
             }
-            color += layer.radiance * (opacity * transmittance);
+            let before = transmittance;
             transmittance *= 1.0 - opacity;
             if transmittance < LEAST_TRANSMITTANCE {
                 transmittance = 0.0;
+            }
+            if matte {
+                held_out += before - transmittance;
+            } else {
+                color += layer.radiance * (opacity * before);
+            }
+            if transmittance == 0.0 {
                 break;
             }
             hit = self.prepared.world.trace_after(&job.ray, &hit, counts);
         }
+        let alpha = 1.0 - transmittance - held_out;
         Sample {
             weight: job.weight,
             distance2: job.distance2,
-            color: [color.x, color.y, color.z, 1.0 - transmittance],
+            color: [color.x, color.y, color.z, alpha.max(0.0)],
             first: found,
             cost: [counts.node_tests as f32, counts.cell_tests as f32],
         }

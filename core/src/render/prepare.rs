@@ -126,6 +126,7 @@ pub fn prepare(
         prims.push(PreparedPrim {
             path,
             pick_id: desc.common.pick_id,
+            matte: desc.common.matte,
             objects,
         });
     }
@@ -334,6 +335,7 @@ fn plan_effects(
         plan.lens_radius = camera.lens_radius();
         plan.lens_by = Some(camera_desc.path.clone());
     }
+    plan.matte_by = placed.clone().find(|p| p.matte).map(|p| p.path.clone());
     plan.transparency_by = placed
         .clone()
         .find(|p| p.objects.shading.opacity.is_some())

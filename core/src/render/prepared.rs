@@ -16,6 +16,8 @@ use crate::trace::{Hit, World};
 pub(super) struct PreparedPrim {
     pub path: String,
     pub pick_id: i32,
+    /// See [`crate::scene::PrimCommon::matte`].
+    pub matte: bool,
     pub objects: Arc<PrimObjects>,
 }
 

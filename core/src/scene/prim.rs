@@ -71,6 +71,9 @@ pub struct PrimCommon {
     pub primvars: BTreeMap<String, PrimvarDesc>,
     /// Visible to the camera.
     pub visible: bool,
+    /// A holdout: occludes like any other surface, with zero colour and zero alpha, and gives no
+    /// other AOV a value.
+    pub matte: bool,
     /// primId AOV value.
     pub pick_id: i32,
     /// Factor on the motion that is blurred (UsdGeomMotionAPI's motion:blurScale): times relative to
@@ -101,6 +104,7 @@ impl PrimCommon {
             instances: None,
             primvars: BTreeMap::new(),
             visible: true,
+            matte: false,
             pick_id: 0,
             blur_scale: 1.0,
             nonlinear_samples: None,

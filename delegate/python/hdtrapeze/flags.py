@@ -154,7 +154,7 @@ def _add_usdrecord_flags(group) -> None:
         choices=("disabled", "sRGB", "openColorIO"),
         help="encoding of color (default: sRGB for PNG, disabled, that is linear, for EXR)",
     )
-    add("--renderer", "-r", metavar="NAME", default="Trapeze", help="only Trapeze")
+    add("--renderer", "-r", metavar="NAME", help="only Trapeze (default: Trapeze)")
     add("--imageWidth", "-w", type=int, metavar="PIXELS", help="width (default: 960)")
     add("--renderPassPrimPath", "-rp", metavar="PATH", help="RenderPass prim to take settings from")
     add("--renderSettingsPrimPath", "-rs", metavar="PATH", help="RenderSettings prim to use")

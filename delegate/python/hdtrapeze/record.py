@@ -24,8 +24,9 @@ from .native import version
 from .options import AOVS, Options
 from .progress import ProgressBar
 from .render import Renderer
-from .stage import Diagnostics, find_render_settings, open_stage
+from .stage import Diagnostics, open_stage
 from .tracefile import Trace
+from .usdrender import RENDERER_NAMES, find_render_pass, find_render_settings
 
 FORMATS = {".exr": "EXR", ".png": "PNG"}
 
@@ -77,9 +78,8 @@ def _record(args, trace: Trace) -> None:
         )
         diagnostics.report(stage)
     _stop_at_warnings(args, log)
-    settings = find_render_settings(
-        stage, args.renderSettingsPrimPath, args.renderPassPrimPath, log
-    )
+    render_pass = find_render_pass(stage, args.renderPassPrimPath, args.renderer is not None, log)
+    settings = find_render_settings(stage, args.renderSettingsPrimPath, render_pass, log)
     if settings:
         named = bool(args.renderSettingsPrimPath or args.renderPassPrimPath)
         apply_render_settings(options, settings, args, named, log)
@@ -89,7 +89,7 @@ def _record(args, trace: Trace) -> None:
         frames = [None if args.defaultTime else stage.GetStartTimeCode()]
     if not args.quiet:
         print(f"Camera: {camera.GetPath() if camera else 'none, framing the bounds'}", flush=True)
-    with Renderer(options, log) as renderer:
+    with Renderer(options, log, render_pass) as renderer:
         for frame in frames:
             path = output.at(frame) if frame is not None else output.path
             details = {"frame": "default" if frame is None else frame}
@@ -208,7 +208,11 @@ def metadata(renderer, args, frame: float | None, complete: bool) -> dict[str, s
 
 def make_options(args) -> Options:
     """Options of parsed flags; raises UsageError for what cannot be."""
-    if args.renderer.lower() not in ("trapeze", "hdtrapeze", "hdtrapezerendererplugin"):
+    if args.renderSettingsPrimPath and args.renderPassPrimPath:
+        raise UsageError(
+            "Only one of --renderSettingsPrimPath and --renderPassPrimPath may be given."
+        )
+    if args.renderer is not None and args.renderer.lower() not in RENDERER_NAMES:
         raise UsageError(
             f"--renderer {args.renderer}: this command has one renderer, Trapeze. "
             f"Other delegates are for usdrecord."

@@ -10,6 +10,7 @@ from .camera import CameraState, effective_shutter, find_camera, framing_camera,
 from .errors import Interrupted, SceneError
 from .log import SceneLog
 from .options import BACKENDS, FILTERS, WINDOW_POLICIES, Options
+from .passes import PassCollections
 from .scene import SceneSync
 from .session import Session
 from .transforms import TransformReader
@@ -21,16 +22,27 @@ class Renderer:
     """Renders frames of stages. Keyword arguments are those of :class:`Options`.
 
     Use it in a `with` block, or call `close`. Frames of one stage after another are cheap: only
-    what varies is read and diced again.
+    what varies is read and diced again. The collections of `render_pass` say what is left out and
+    what is held out.
     """
 
-    def __init__(self, options: Options | None = None, log: SceneLog | None = None, **settings):
+    def __init__(
+        self,
+        options: Options | None = None,
+        log: SceneLog | None = None,
+        render_pass: UsdRender.Pass | None = None,
+        **settings,
+    ):
         self.options = options or Options(**settings)
         self.options.validate()
         self.log = log or SceneLog()
         self.session = Session(self.log)
         self._scene = SceneSync(
-            self.session, self.log, self.options.purposes, self.options.draw_modes
+            self.session,
+            self.log,
+            self.options.purposes,
+            self.options.draw_modes,
+            PassCollections(render_pass, self.log),
         )
         self._camera_id: int | None = None
         self.camera: CameraState | None = None

@@ -14,6 +14,7 @@ from pxr import Tf, Usd, UsdGeom, UsdLux, UsdShade
 from .guard import FAULTS, warn_unreadable
 from .instances import InstancerReader, NativeInstances, Placement, PointInstances
 from .log import SceneLog
+from .passes import PassCollections
 from .primvars import WIDTHS, inherited_from, read_primvars
 from .session import Session
 from .shapes import Shape, find_reader
@@ -32,6 +33,7 @@ class _Sent:
     primvars: set[str] = field(default_factory=set)
     levels: list[Level] | None = None
     instances: tuple | None = None
+    matte: bool = False
 
 
 @dataclass(frozen=True)
@@ -47,11 +49,19 @@ class _Place:
 class SceneSync:
     """One stage in one session."""
 
-    def __init__(self, session: Session, log: SceneLog, purposes: list[str], draw_modes: bool):
+    def __init__(
+        self,
+        session: Session,
+        log: SceneLog,
+        purposes: list[str],
+        draw_modes: bool,
+        collections: PassCollections | None = None,
+    ):
         self._session = session
         self._log = log
         self._purposes = {"default", *purposes}
         self._draw_modes = draw_modes
+        self._pass = collections or PassCollections(None, log)
         self._sent: dict[str, _Sent] = {}
         self._stage: Usd.Stage | None = None
         self._notice = None
@@ -105,6 +115,9 @@ class SceneSync:
         stack = [(root, purpose, None)]
         while stack:
             prim, purpose, instance = stack.pop()
+            if self._pass.prunes(prim.GetPath(), place.instancers):
+                self.has_hidden = True
+                continue
             imageable = UsdGeom.Imageable(prim)
             if imageable:
                 visibility = imageable.GetVisibilityAttr().Get(self._shutter.time)
@@ -134,12 +147,14 @@ class SceneSync:
         if prim.HasAPI(UsdGeom.MotionAPI):
             self._check_motion_api(prim)
         if prim.IsA(UsdGeom.PointInstancer):
-            if purpose in self._purposes:
+            if purpose in self._purposes and self._shows(prim, place):
                 self._emit_instancer(UsdGeom.PointInstancer(prim), purpose, place)
             return True
         if prim.HasAPI(UsdLux.LightAPI):
             self._ignored["lights"] += 1
         if not prim.IsA(UsdGeom.Gprim) or purpose not in self._purposes:
+            return False
+        if not self._shows(prim, place):
             return False
         if find_reader(prim) is None:
             self._log.warn(
@@ -149,11 +164,19 @@ class SceneSync:
             return False
         if instance and not self._transforms.resets_below(prim, instance):
             prototype = prim.GetPrimInPrototype().GetPath()
-            key = (prototype, inherited_from(UsdGeom.Gprim(prim)))
+            matte = self._pass.is_matte(prim.GetPath(), place.instancers)
+            key = (prototype, inherited_from(UsdGeom.Gprim(prim)), matte)
             groups.setdefault(key, []).append((prim, instance))
         else:
             levels = self._transforms.levels(prim, place.top)
-            self._emit(place.prefix + str(prim.GetPath()), prim, levels, place.placement)
+            self._emit(place.prefix + str(prim.GetPath()), prim, levels, place.placement, place)
+        return False
+
+    def _shows(self, prim: Usd.Prim, place: _Place) -> bool:
+        """Whether the render pass shows the prim's geometry."""
+        if self._pass.shows(prim.GetPath(), place.instancers):
+            return True
+        self.has_hidden = True
         return False
 
     def _leave_out(self, prim: Usd.Prim, error: Exception) -> None:
@@ -165,13 +188,13 @@ class SceneSync:
         prim, instance = members[0]
         if len(members) == 1:
             levels = self._transforms.levels(prim, place.top)
-            self._emit(place.prefix + str(prim.GetPath()), prim, levels, place.placement)
+            self._emit(place.prefix + str(prim.GetPath()), prim, levels, place.placement, place)
             return
         levels = [self._transforms.levels(inst, place.top) for _, inst in members]
         placement = NativeInstances(levels, place.placement)
         own = self._transforms.levels(prim, below=instance)
         # Prototype paths may differ from one opening of a stage to the next, not within one.
-        self._emit(f"{place.prefix}{key}", prim, own, placement)
+        self._emit(f"{place.prefix}{key}", prim, own, placement, place)
 
     def _emit_instancer(self, instancer, purpose, place: _Place) -> None:
         path = instancer.GetPath()
@@ -192,6 +215,8 @@ class SceneSync:
         for number, target in enumerate(targets):
             chosen = np.flatnonzero((reader.indices == number) & visible)
             if not len(chosen):
+                continue
+            if self._pass.prunes_with_parents(target):
                 continue
             prototype = self._stage.GetPrimAtPath(target)
             if not prototype:
@@ -227,10 +252,13 @@ class SceneSync:
 
     # One mesh ------------------------------------------------------------------------------------
 
-    def _emit(self, key: str, prim: Usd.Prim, levels: list[Level], placement) -> None:
+    def _emit(
+        self, key: str, prim: Usd.Prim, levels: list[Level], placement, place: _Place
+    ) -> None:
         """Sends what the session does not have yet of one mesh; a faulty one is left out."""
         try:
             self._send(key, prim, levels, placement)
+            self._send_matte(key, self._pass.is_matte(prim.GetPath(), place.instancers))
         except FAULTS as error:
             self._seen.discard(key)
             self._leave_out(prim, error)
@@ -262,6 +290,12 @@ class SceneSync:
             else:
                 session.set_instances(sent.prim, *instances)
             sent.instances = instances
+
+    def _send_matte(self, key: str, matte: bool) -> None:
+        sent = self._sent.get(key)
+        if sent and sent.matte != matte:
+            self._session.set_matte(sent.prim, matte)
+            sent.matte = matte
 
     def _send_shape(self, key: str, sent: _Sent | None, prim: Usd.Prim) -> _Sent | None:
         """Geometry; None for a prim that has none."""

@@ -187,6 +187,10 @@ class Session:
         """Renders a prim once, where its transform says."""
         self._call("trz_prim_set_instances", prim, ffi.NULL)
 
+    def set_matte(self, prim: int, matte: bool) -> None:
+        """Makes a prim a matte object (a holdout), or a surface like any other."""
+        self._call("trz_prim_set_matte", prim, int(matte))
+
     def set_pick_id(self, prim: int, pick_id: int) -> None:
         """What the primId AOV holds for this prim."""
         self._call("trz_prim_set_pick_id", prim, pick_id)

@@ -1,12 +1,12 @@
-"""Opens stages and finds the render settings prim, in the order that usdrecord uses."""
+"""Opens stages, and hears what USD has to say about them."""
 
 import logging
 import re
 from pathlib import Path
 
-from pxr import Ar, Sdf, Tf, Usd, UsdRender, UsdUtils
+from pxr import Ar, Sdf, Tf, Usd, UsdUtils
 
-from .errors import InputError, SceneError, UsageError
+from .errors import InputError, UsageError
 from .guard import reason
 from .log import SceneLog
 
@@ -84,45 +84,3 @@ def open_stage(
         if not stage.GetPrimAtPath(prim_path):
             log.warn(prim_path, "mask", "--mask names it, but there is no such prim")
     return stage
-
-
-def find_render_settings(
-    stage: Usd.Stage, settings_path: str | None, pass_path: str | None, log: SceneLog
-) -> UsdRender.Settings | None:
-    """The settings prim: named, or of a named render pass, or of the stage's metadata."""
-    if settings_path and pass_path:
-        raise UsageError(
-            "Only one of --renderSettingsPrimPath and --renderPassPrimPath may be given."
-        )
-    named = settings_path or pass_path
-    if pass_path:
-        render_pass = UsdRender.Pass(_prim_at(stage, pass_path))
-        if not render_pass:
-            raise SceneError(f"{pass_path} is not a RenderPass prim of this stage.")
-        targets = render_pass.GetRenderSourceRel().GetTargets()
-        if not targets:
-            raise SceneError(f"{pass_path} has no renderSource.")
-        if len(targets) > 1:
-            log.warn(pass_path, "render-pass", f"has several render sources; using {targets[0]}")
-        settings_path = str(targets[0])
-    if not settings_path:
-        settings_path = stage.GetMetadata("renderSettingsPrimPath") or None
-    if not settings_path:
-        return None
-    settings = UsdRender.Settings(_prim_at(stage, settings_path))
-    if settings:
-        return settings
-    if named:
-        raise SceneError(f"{settings_path} is not a RenderSettings prim of this stage.")
-    if not stage.GetPopulationMask().Includes(Sdf.Path(settings_path)):
-        return None  # --mask left it out
-    log.warn(
-        settings_path, "render-settings", "the stage names it, but it is no RenderSettings prim"
-    )
-    return None
-
-
-def _prim_at(stage: Usd.Stage, path: str) -> Usd.Prim:
-    if not Sdf.Path.IsValidPathString(str(path)):
-        raise UsageError(f"{path!r} is not the path of a prim.")
-    return stage.GetPrimAtPath(path)

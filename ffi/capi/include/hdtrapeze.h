@@ -759,6 +759,13 @@ trz_result trz_prim_set_instances(struct trz_session *session,
 // TRZ_ERROR_POISONED. Threads: any.
 trz_result trz_prim_set_visible(struct trz_session *session, trz_id prim, uint32_t visible);
 
+// Queues whether a prim is a matte object (a holdout): 1, or 0 (as created). A matte object hides
+// what lies behind it, with zero colour and zero alpha, and other AOVs stay at their background.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
+// TRZ_ERROR_POISONED. Threads: any.
+trz_result trz_prim_set_matte(struct trz_session *session, trz_id prim, uint32_t matte);
+
 // Queues the number that the primId AOV and ray hits show for a prim; 0 as created.
 //
 // Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,

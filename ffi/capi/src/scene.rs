@@ -265,6 +265,25 @@ pub unsafe extern "C" fn trz_prim_set_visible(
     }
 }
 
+/// Queues whether a prim is a matte object (a holdout): 1, or 0 (as created). A matte object hides
+/// what lies behind it, with zero colour and zero alpha, and other AOVs stay at their background.
+///
+/// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
+/// TRZ_ERROR_POISONED. Threads: any.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trz_prim_set_matte(
+    session: *mut trz_session,
+    prim: trz_id,
+    matte: u32,
+) -> trz_result {
+    // SAFETY: the caller passes null or a live session.
+    unsafe {
+        edit(session, prim, || {
+            input::flag(matte, "matte").map(Edit::Matte)
+        })
+    }
+}
+
 /// Queues the number that the primId AOV and ray hits show for a prim; 0 as created.
 ///
 /// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,

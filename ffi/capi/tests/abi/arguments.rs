@@ -27,6 +27,7 @@ fn unknown_and_unfit_ids() {
         fails(trz_camera_set(s, mesh, &lens), bad);
         fails(trz_mesh_set_topology(s, camera, &topology()), bad);
         fails(trz_prim_set_visible(s, camera, 1), bad);
+        fails(trz_prim_set_matte(s, camera, 1), bad);
         let message = fails(trz_session_set_active_camera(s, mesh), bad);
         assert!(message.contains("/mesh"), "{message}");
         fails(trz_session_set_active_camera(s, 999), TRZ_ERROR_NOT_FOUND);
@@ -58,6 +59,7 @@ fn enums_flags_and_strings() {
             fails(trz_mesh_set_topology(s, mesh, &topology), bad);
         }
         fails(trz_prim_set_visible(s, mesh, 2), bad);
+        fails(trz_prim_set_matte(s, mesh, 2), bad);
         fails(trz_session_set_log(s, None, null_mut(), 4), bad);
         fails(trz_render_wait(s, f64::NAN, &mut 0), bad);
         let not_utf8 = c"\xff\xfe";

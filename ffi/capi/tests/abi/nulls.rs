@@ -36,6 +36,7 @@ fn null_session() {
         trz_prim_set_primvar(s, 1, c"a".as_ptr(), null());
         trz_prim_set_instances(s, 1, null());
         trz_prim_set_visible(s, 1, 1);
+        trz_prim_set_matte(s, 1, 1);
         trz_prim_set_pick_id(s, 1, 1);
         trz_prim_remove(s, 1);
         trz_session_set_active_camera(s, 0);
