@@ -3,12 +3,14 @@
 use std::path::Path;
 
 use hdtrapeze_core::aov::{Aov, AovData, AovImage};
+use hdtrapeze_core::diagnostics::Warning;
 use hdtrapeze_core::scene::{CameraDesc, RenderSettings};
 
 use crate::error::Error;
 use crate::image::{
     ChannelData, ExrOptions, Image, ImageError, Layer, PngColor, PngOptions, write_exr, write_png,
 };
+use crate::product::{self, RenderVar};
 
 /// Kind of file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -28,16 +30,29 @@ pub struct ImageOptions {
     pub color: PngColor,
     /// AOVs to write; none for all that were rendered (PNG: color).
     pub aovs: Vec<String>,
+    /// Render vars to write, in place of AOVs (PNG: the first of color).
+    pub vars: Vec<RenderVar>,
     /// Names and values that are added to the session's own, or take their place.
     pub metadata: Vec<(String, String)>,
 }
 
 /// AOVs that `options` asks for, of those that were rendered.
 pub(crate) fn choose(options: &ImageOptions, rendered: &[Aov]) -> Result<Vec<Aov>, Error> {
-    let find = |name: &str| {
-        let aov = Aov::from_name(name).filter(|aov| rendered.contains(aov));
-        aov.ok_or_else(|| not_rendered(name))
-    };
+    let find = |name: &str| find(name, rendered);
+    if !options.vars.is_empty() {
+        if !options.aovs.is_empty() {
+            let text = "an image holds AOVs or render vars, not both";
+            return Err(Error::InvalidArgument(text.to_owned()));
+        }
+        let source = |var: &RenderVar| {
+            let source = var.source().map_err(Error::Unsupported)?;
+            find(&source.aov)
+        };
+        return match options.file {
+            FileType::Exr(_) => options.vars.iter().map(source).collect(),
+            FileType::Png => Ok(vec![source(product::picture(&options.vars)?)?]),
+        };
+    }
     match (options.file, options.aovs.as_slice()) {
         (FileType::Exr(_), []) => Ok(rendered.to_vec()),
         (FileType::Png, []) => Ok(vec![find(Aov::Color.name())?]),
@@ -48,12 +63,39 @@ pub(crate) fn choose(options: &ImageOptions, rendered: &[Aov]) -> Result<Vec<Aov
     }
 }
 
+fn find(name: &str, rendered: &[Aov]) -> Result<Aov, Error> {
+    let aov = Aov::from_name(name).filter(|aov| rendered.contains(aov));
+    aov.ok_or_else(|| not_rendered(name))
+}
+
+/// What the file holds; `pixels` gives an AOV that was rendered.
+pub(crate) fn layers(
+    options: &ImageOptions,
+    rendered: &[Aov],
+    pixels: impl Fn(Aov) -> Option<AovImage>,
+) -> Result<(Vec<Layer>, Vec<Warning>), Error> {
+    let as_layer = |aov: Aov| {
+        let image = pixels(aov).ok_or_else(|| not_rendered(aov.name()))?;
+        Ok(layer(aov, image, options))
+    };
+    let named = |name: &str| as_layer(find(name, rendered)?);
+    match (options.vars.as_slice(), options.file) {
+        ([], _) => {
+            let aovs = choose(options, rendered)?;
+            let layers: Result<_, Error> = aovs.into_iter().map(as_layer).collect();
+            Ok((layers?, Vec::new()))
+        }
+        (vars, FileType::Exr(_)) => product::layers(vars, named),
+        (vars, FileType::Png) => product::layers(&[product::picture(vars)?.clone()], named),
+    }
+}
+
 pub(crate) fn not_rendered(name: &str) -> Error {
     Error::NotFound(format!("AOV {name} was not rendered"))
 }
 
 /// An AOV as a layer; color is encoded unless the file does it.
-pub(crate) fn layer(aov: Aov, image: AovImage, options: &ImageOptions) -> Layer {
+fn layer(aov: Aov, image: AovImage, options: &ImageOptions) -> Layer {
     let encode = aov == Aov::Color
         && options.color == PngColor::Srgb
         && matches!(options.file, FileType::Exr(_));
@@ -161,6 +203,7 @@ mod tests {
             file,
             color: PngColor::Srgb,
             aovs: aovs.iter().map(|name| (*name).to_owned()).collect(),
+            vars: Vec::new(),
             metadata: Vec::new(),
         }
     }
@@ -181,6 +224,26 @@ mod tests {
             chosen(FileType::Png, &["P", "color"]),
             Err(Error::InvalidArgument(_))
         ));
+        let with_vars = |file, sources: &[&str], aovs: &[&str]| {
+            let var = |source: &&str| RenderVar {
+                source_name: (*source).to_owned(),
+                ..RenderVar::default()
+            };
+            let mut options = options(file, aovs);
+            options.vars = sources.iter().map(var).collect();
+            choose(&options, &rendered)
+        };
+        let both = [Aov::P, Aov::Color];
+        assert_eq!(with_vars(exr, &["P", "Ci"], &[]).unwrap(), both);
+        assert_eq!(
+            with_vars(FileType::Png, &["P", "Ci"], &[]).unwrap(),
+            [Aov::Color]
+        );
+        assert!(not_found(with_vars(exr, &["normal"], &[])));
+        for (file, sources, aovs) in [(exr, "P", &["P"][..]), (FileType::Png, "P", &[])] {
+            let refused = with_vars(file, &[sources], aovs);
+            assert!(matches!(refused, Err(Error::InvalidArgument(_))));
+        }
         let only_p = choose(&options(FileType::Png, &[]), &[Aov::P]);
         assert!(not_found(only_p));
     }

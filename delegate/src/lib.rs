@@ -18,6 +18,7 @@ pub mod image;
 mod log;
 mod memory;
 mod pool;
+pub mod product;
 pub mod progress;
 pub mod session;
 mod status;

@@ -28,6 +28,7 @@ use crate::image::Image;
 use crate::log::{LogFn, in_log_callback};
 use crate::memory;
 use crate::pool::Pool;
+use crate::product::RenderVar;
 use crate::progress::{Progress, State, Statistics};
 use crate::status::{Committed, Rendered, Shared, lock};
 use crate::translate::{self, AuthoredTopology};
@@ -262,22 +263,53 @@ impl Session {
             2 * shapes.map(|shape| shape.bytes()).sum::<u64>(),
             "an image file",
         )?;
-        self.shared.guard(|| {
+        let written = self.shared.guard(|| {
             let mut image = Image::new(width, height);
             image.pixel_aspect = rendered.pixel_aspect;
             if let Some([x0, y0, x1, y1]) = rendered.crop {
                 image.data_window = [x0, y0, x1.min(width), y1.min(height)];
             }
-            let pixels = |aov: &Aov| Some(file::layer(*aov, frame.aov(*aov)?, options));
-            image.layers = aovs.iter().filter_map(pixels).collect();
+            let (layers, warnings) = file::layers(options, frame.aovs(), |aov| frame.aov(aov))?;
+            image.layers = layers;
             image.metadata = rendered.facts;
             let done = frame.samples_done().to_string();
             file::set_fact(&mut image.metadata, "hdtrapeze/samplesDone", done);
             for (name, value) in &options.metadata {
                 file::set_fact(&mut image.metadata, name, value.clone());
             }
-            file::write(path, &image, options)
-        })?
+            file::write(path, &image, options)?;
+            Ok(warnings)
+        })?;
+        self.warn(&written?);
+        Ok(())
+    }
+
+    /// Name of the AOV that a render var is written from. What it asks for that is not done gives
+    /// one warning.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] for a var that has to be left out.
+    pub fn render_var_aov(&self, var: &RenderVar) -> Result<String, Error> {
+        self.shared.check()?;
+        let known = |aov: &str| match Aov::from_name(aov) {
+            Some(_) => Ok(()),
+            None => Err(format!("the renderer has no AOV {aov}")),
+        };
+        let source = var.source().and_then(|source| {
+            known(&source.aov)?;
+            Ok(source.aov)
+        });
+        match source {
+            Ok(aov) => {
+                self.warn(var.check_type().as_slice());
+                Ok(aov)
+            }
+            Err(why) => {
+                let text = format!("{why}; the var is left out");
+                self.warn(&[Warning::new(&var.path, Code::Unsupported, text)]);
+                Err(Error::Unsupported(why))
+            }
+        }
     }
 
     fn rendered_aov(&self, name: &str) -> Result<(Rendered, Aov), Error> {

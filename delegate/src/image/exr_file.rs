@@ -25,7 +25,7 @@ use half::f16;
 
 use super::error::{EncodeError, ImageError};
 use super::replace::replace_file;
-use super::{ChannelData, Image, Layer, crop};
+use super::{ChannelData, Image, Precision, crop};
 
 /// How real numbers are stored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -84,8 +84,13 @@ pub(super) fn encode(
 ) -> Result<(), EncodeError> {
     let mut channels = Vec::new();
     for layer in &image.layers {
-        for (name, data) in &layer.channels {
-            channels.push(channel(image, layer, name, data, options.pixel_type)?);
+        for (name, (_, data)) in layer.channel_names().zip(&layer.channels) {
+            let is_half = match layer.precision {
+                Precision::File => options.pixel_type == ExrPixelType::Half,
+                Precision::Half => true,
+                Precision::Float => false,
+            };
+            channels.push(channel(image, &name, data, is_half)?);
         }
     }
     if channels.is_empty() {
@@ -139,17 +144,12 @@ pub(super) fn encode(
 /// One channel, cropped and converted.
 fn channel(
     image: &Image,
-    layer: &Layer,
     name: &str,
     data: &ChannelData,
-    pixel_type: ExrPixelType,
+    is_half: bool,
 ) -> Result<AnyChannel<FlatSamples>, EncodeError> {
-    let full_name = match layer.name.as_str() {
-        "" | "color" => name.to_owned(),
-        prefix => format!("{prefix}.{name}"),
-    };
-    if name.is_empty() || full_name.len() > 255 || full_name.contains('\0') {
-        return Err(EncodeError::Invalid(format!("channel name {full_name:?}")));
+    if name.is_empty() || name.ends_with('.') || name.len() > 255 || name.contains('\0') {
+        return Err(EncodeError::Invalid(format!("channel name {name:?}")));
     }
     let window = image.data_window;
     let samples = match data {
@@ -159,14 +159,12 @@ fn channel(
                 .map(i32::cast_unsigned)
                 .collect(),
         ),
-        ChannelData::F32(v) if layer.full_precision || pixel_type == ExrPixelType::Float => {
-            FlatSamples::F32(crop(v, image.width, window).map(finite).collect())
-        }
-        ChannelData::F32(v) => {
+        ChannelData::F32(v) if is_half => {
             FlatSamples::F16(crop(v, image.width, window).map(finite_half).collect())
         }
+        ChannelData::F32(v) => FlatSamples::F32(crop(v, image.width, window).map(finite).collect()),
     };
-    Ok(AnyChannel::new(text(&full_name), samples))
+    Ok(AnyChannel::new(text(name), samples))
 }
 
 /// `x` without infinities and NaN.

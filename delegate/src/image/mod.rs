@@ -44,6 +44,18 @@ impl ChannelData {
     }
 }
 
+/// Bits of a layer's real numbers. Integers always have 32.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Precision {
+    /// As the file's pixel type says.
+    #[default]
+    File,
+    /// 16.
+    Half,
+    /// 32.
+    Float,
+}
+
 /// Channels that belong together: one AOV.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layer {
@@ -52,8 +64,8 @@ pub struct Layer {
     pub name: String,
     /// Names and pixels.
     pub channels: Vec<(String, ChannelData)>,
-    /// Keep 32 bits whatever the file's pixel type: depth, positions, costs. Integers always do.
-    pub full_precision: bool,
+    /// 32 bits whatever the file's pixel type: depth, positions, costs.
+    pub precision: Precision,
 }
 
 impl Layer {
@@ -74,7 +86,10 @@ impl Layer {
         Layer {
             name: name.to_owned(),
             channels,
-            full_precision: matches!(name, "depth" | "cameraDepth" | "P" | "sampleCount" | "cost"),
+            precision: match name {
+                "depth" | "cameraDepth" | "P" | "sampleCount" | "cost" => Precision::Float,
+                _ => Precision::File,
+            },
         }
     }
 
@@ -83,8 +98,17 @@ impl Layer {
         Layer {
             name: name.to_owned(),
             channels: vec![(channel_name(name, 1, 0), ChannelData::I32(ids))],
-            full_precision: true,
+            precision: Precision::Float,
         }
+    }
+
+    /// The channels' names in a file.
+    pub fn channel_names(&self) -> impl Iterator<Item = String> {
+        let full = |name: &String| match self.name.as_str() {
+            "" | "color" => name.clone(),
+            prefix => format!("{prefix}.{name}"),
+        };
+        self.channels.iter().map(move |(name, _)| full(name))
     }
 }
 

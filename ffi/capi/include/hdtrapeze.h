@@ -557,6 +557,31 @@ typedef struct trz_aov_desc {
   uint32_t format;
 } trz_aov_desc;
 
+// A render var of a product (UsdRenderVar) as authored. Texts are UTF-8; NULL where nothing is
+// authored.
+//
+// What is written of it: by source_type, source_name is an AOV or what other renderers call it
+// (raw, intrinsic: Ci, a, z, id...), a primvar (primvar), or a light path expression (lpe, of which
+// only those of the whole image are known). format, else data_type says 16 or 32 bits and how many
+// values (color3h: half R G B). The first colour is named R G B A, its alpha A, all others
+// `name.X`...: by channel_prefix, else name, else the end of path.
+typedef struct trz_render_var {
+  // Path of the prim.
+  const char *path;
+  // sourceName; without it the var's name is the source.
+  const char *source_name;
+  // sourceType.
+  const char *source_type;
+  // dataType.
+  const char *data_type;
+  // driver:parameters:aov:format.
+  const char *format;
+  // driver:parameters:aov:name.
+  const char *name;
+  // driver:parameters:aov:channel_prefix.
+  const char *channel_prefix;
+} trz_render_var;
+
 // How an image file is written.
 typedef struct trz_image {
   // sizeof(trz_image).
@@ -577,6 +602,11 @@ typedef struct trz_image {
   const char *const *metadata;
   // Length of metadata, even.
   size_t metadata_count;
+  // Render vars to write in place of AOVs; their AOVs must have been rendered. A PNG holds the
+  // first one of color.
+  const struct trz_render_var *vars;
+  // Number of render vars; 0: aovs says what is written.
+  size_t var_count;
 } trz_image;
 
 // A ray at one instant, world space.
@@ -889,6 +919,19 @@ trz_result trz_aov_describe(struct trz_session *session,
 // no render yet), TRZ_ERROR_BUFFER_TOO_SMALL, TRZ_ERROR_POISONED. Threads: any, also while
 // rendering.
 trz_result trz_aov_read(struct trz_session *session, const char *name, void *buffer, size_t bytes);
+
+// Copies the name of the AOV that a render var is written from, to be given to
+// trz_session_set_aovs. What the var asks for that is not done gives one warning, which names it.
+// capacity counts bytes with the terminating NUL; out_needed receives what is needed, also where
+// the buffer is too small. buffer may be NULL where capacity is 0.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_UNSUPPORTED (leave the var
+// out), TRZ_ERROR_BUFFER_TOO_SMALL, TRZ_ERROR_POISONED. Threads: any.
+trz_result trz_render_var_aov(struct trz_session *session,
+                              const struct trz_render_var *var,
+                              char *buffer,
+                              size_t capacity,
+                              size_t *out_needed);
 
 // Writes AOVs of the last render that was started to a file. A file that was there before is
 // replaced only by a whole one. Everything passed is read before this returns and not kept.

@@ -5,7 +5,7 @@ use std::ffi::{c_char, c_void};
 use crate::constants::*;
 use crate::fault::{Fault, with_session};
 use crate::types::*;
-use crate::{convert, input};
+use crate::{convert, input, session};
 
 /// Fills out, whose struct_size the caller has set, with the size and type of an AOV of the last
 /// render that was started.
@@ -66,6 +66,30 @@ pub unsafe extern "C" fn trz_aov_read(
             }
             std::ptr::copy_nonoverlapping(source.as_ptr(), buffer.cast(), source.len());
             Ok(())
+        })
+    }
+}
+
+/// Copies the name of the AOV that a render var is written from, to be given to
+/// trz_session_set_aovs. What the var asks for that is not done gives one warning, which names it.
+/// capacity counts bytes with the terminating NUL; out_needed receives what is needed, also where
+/// the buffer is too small. buffer may be NULL where capacity is 0.
+///
+/// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_UNSUPPORTED (leave the var
+/// out), TRZ_ERROR_BUFFER_TOO_SMALL, TRZ_ERROR_POISONED. Threads: any.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trz_render_var_aov(
+    session: *mut trz_session,
+    var: *const trz_render_var,
+    buffer: *mut c_char,
+    capacity: usize,
+    out_needed: *mut usize,
+) -> trz_result {
+    // SAFETY: the caller passes null or valid pointers.
+    unsafe {
+        with_session(session, |session| {
+            let var = convert::render_var(&input::slice(var, 1, "var")?[0])?;
+            session::copy_text(&session.render_var_aov(&var)?, buffer, capacity, out_needed)
         })
     }
 }

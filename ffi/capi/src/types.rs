@@ -347,6 +347,33 @@ pub struct trz_aov_desc {
     pub format: u32,
 }
 
+/// A render var of a product (UsdRenderVar) as authored. Texts are UTF-8; NULL where nothing is
+/// authored.
+///
+/// What is written of it: by source_type, source_name is an AOV or what other renderers call it
+/// (raw, intrinsic: Ci, a, z, id...), a primvar (primvar), or a light path expression (lpe, of which
+/// only those of the whole image are known). format, else data_type says 16 or 32 bits and how many
+/// values (color3h: half R G B). The first colour is named R G B A, its alpha A, all others
+/// `name.X`...: by channel_prefix, else name, else the end of path.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct trz_render_var {
+    /// Path of the prim.
+    pub path: *const c_char,
+    /// sourceName; without it the var's name is the source.
+    pub source_name: *const c_char,
+    /// sourceType.
+    pub source_type: *const c_char,
+    /// dataType.
+    pub data_type: *const c_char,
+    /// driver:parameters:aov:format.
+    pub format: *const c_char,
+    /// driver:parameters:aov:name.
+    pub name: *const c_char,
+    /// driver:parameters:aov:channel_prefix.
+    pub channel_prefix: *const c_char,
+}
+
 /// How an image file is written.
 #[repr(C)]
 #[derive(Clone, Copy)]
@@ -369,6 +396,11 @@ pub struct trz_image {
     pub metadata: *const *const c_char,
     /// Length of metadata, even.
     pub metadata_count: usize,
+    /// Render vars to write in place of AOVs; their AOVs must have been rendered. A PNG holds the
+    /// first one of color.
+    pub vars: *const trz_render_var,
+    /// Number of render vars; 0: aovs says what is written.
+    pub var_count: usize,
 }
 
 /// A ray at one instant, world space.

@@ -111,7 +111,10 @@ fn all_layouts() -> Layouts {
         trz_aov_desc { struct_size, width, height, components, format }
         trz_image {
             struct_size, r#type, pixel_type, compression, color, aovs, aov_count, metadata,
-            metadata_count,
+            metadata_count, vars, var_count,
+        }
+        trz_render_var {
+            path, source_name, source_type, data_type, format, name, channel_prefix,
         }
         trz_ray { origin, dir, time, t_min, t_max }
         trz_hit { t, u, v, normal, prim_id, instance_id, element_id, grid, cell }

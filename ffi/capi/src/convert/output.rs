@@ -1,16 +1,19 @@
 //! Progress, statistics, AOVs, image files, rays and hits.
 
+use std::ffi::c_char;
+
 use glam::{DVec3, Vec3};
 use hdtrapeze_core::aov::{AovData, AovImage};
 use hdtrapeze_core::render::{WorldHit, WorldRay};
 use hdtrapeze_delegate::file::{FileType, ImageOptions};
 use hdtrapeze_delegate::image::{ExrCompression, ExrOptions, ExrPixelType, PngColor};
+use hdtrapeze_delegate::product::RenderVar;
 use hdtrapeze_delegate::{AovShape, Progress, State, Statistics};
 
 use super::{pick, refuse};
 use crate::constants::*;
 use crate::fault::Fault;
-use crate::input::{check_slice, texts};
+use crate::input::{check_slice, slice, text, texts};
 use crate::types::*;
 
 pub(crate) fn progress_to_c(from: &Progress) -> trz_progress {
@@ -96,12 +99,19 @@ pub(crate) unsafe fn image(from: &trz_image) -> Result<ImageOptions, Fault> {
     }
     check_slice(from.metadata, from.metadata_count, "metadata")?;
     // SAFETY: as the caller promises.
-    let (aovs, metadata) = unsafe {
+    let (aovs, metadata, vars) = unsafe {
         (
             texts(from.aovs, from.aov_count, "aovs")?,
             texts(from.metadata, from.metadata_count, "metadata")?,
+            slice(from.vars, from.var_count, "vars")?,
         )
     };
+    let vars: Result<_, Fault> = vars
+        .iter()
+        // SAFETY: as the caller promises.
+        .map(|var| unsafe { render_var(var) })
+        .collect();
+    let vars = vars?;
     let (metadata, _) = metadata.as_chunks::<2>();
     let exr = ExrOptions {
         pixel_type: pick(&pixels, from.pixel_type, "pixel_type")?,
@@ -111,10 +121,31 @@ pub(crate) unsafe fn image(from: &trz_image) -> Result<ImageOptions, Fault> {
         file: pick(&[FileType::Exr(exr), FileType::Png], from.r#type, "type")?,
         color: pick(&colors, from.color, "color")?,
         aovs,
+        vars,
         metadata: metadata
             .iter()
             .map(|[name, value]| (name.clone(), value.clone()))
             .collect(),
+    })
+}
+
+/// Safety: pointers in the struct are null or as the header says.
+pub(crate) unsafe fn render_var(from: &trz_render_var) -> Result<RenderVar, Fault> {
+    let optional = |at: *const c_char, what: &str| match at.is_null() {
+        true => Ok(None),
+        // SAFETY: as the caller promises.
+        false => unsafe { text(at, what) }.map(|text| Some(text.to_owned())),
+    };
+    let or_empty = |at, what| optional(at, what).map(Option::unwrap_or_default);
+    Ok(RenderVar {
+        // SAFETY: as the caller promises.
+        path: unsafe { text(from.path, "path") }?.to_owned(),
+        source_name: or_empty(from.source_name, "source_name")?,
+        source_type: or_empty(from.source_type, "source_type")?,
+        data_type: or_empty(from.data_type, "data_type")?,
+        format: or_empty(from.format, "format")?,
+        name: or_empty(from.name, "name")?,
+        channel_prefix: optional(from.channel_prefix, "channel_prefix")?,
     })
 }
 

@@ -48,6 +48,8 @@ fn image(kind: u32) -> trz_image {
         aov_count: 0,
         metadata: null(),
         metadata_count: 0,
+        vars: null(),
+        var_count: 0,
     }
 }
 
@@ -148,4 +150,71 @@ fn failures_leave_what_was_there() {
     }
     let none = Session::with_camera();
     fails(write(&none, &file, &exr), TRZ_ERROR_NOT_FOUND);
+}
+
+#[test]
+fn render_vars_are_layers() {
+    let (session, folder) = (rendered(), Folder::new("vars"));
+    let vars = [
+        render_var(c"/Render/Vars/color".as_ptr()),
+        trz_render_var {
+            source_name: c"id".as_ptr(),
+            data_type: c"float".as_ptr(),
+            ..render_var(c"/Render/Vars/objects".as_ptr())
+        },
+        trz_render_var {
+            source_name: c"depth".as_ptr(),
+            name: c"far".as_ptr(),
+            ..render_var(c"/Render/Vars/x".as_ptr())
+        },
+    ];
+    for (var, expected) in vars.iter().zip(["color", "primId", "depth"]) {
+        let (mut name, mut needed) = ([0 as c_char; 16], 0);
+        // SAFETY: pointers to live values.
+        ok(unsafe {
+            trz_render_var_aov(session.0, var, name.as_mut_ptr(), name.len(), &mut needed)
+        });
+        assert_eq!(needed, expected.len() + 1);
+        // SAFETY: filled with a text and its NUL.
+        let name = unsafe { std::ffi::CStr::from_ptr(name.as_ptr()) };
+        assert_eq!(name.to_str().unwrap(), expected);
+    }
+    let product = trz_image {
+        vars: vars.as_ptr(),
+        var_count: vars.len(),
+        ..image(TRZ_IMAGE_EXR)
+    };
+    let exr = folder.0.join("product.exr");
+    ok(write(&session, &exr, &product));
+    let bytes = fs::read(&exr).unwrap();
+    assert!(contains(&bytes, "objects.X") && contains(&bytes, "far.Z"));
+    assert!(!contains(&bytes, "primId") && !contains(&bytes, "depth."));
+
+    let names = [c"color".as_ptr()];
+    let both = trz_image {
+        aovs: names.as_ptr(),
+        aov_count: 1,
+        ..product
+    };
+    fails(write(&session, &exr, &both), TRZ_ERROR_INVALID_ARGUMENT);
+    let png = trz_image {
+        r#type: TRZ_IMAGE_PNG,
+        ..product
+    };
+    ok(write(&session, &folder.0.join("product.png"), &png));
+    let no_color = trz_image {
+        vars: &vars[2],
+        var_count: 1,
+        ..png
+    };
+    let message = fails(write(&session, &exr, &no_color), TRZ_ERROR_INVALID_ARGUMENT);
+    assert!(message.contains("color"), "{message}");
+    let absent = render_var(c"/Render/Vars/normal".as_ptr());
+    let absent = trz_image {
+        vars: &absent,
+        var_count: 1,
+        ..product
+    };
+    fails(write(&session, &exr, &absent), TRZ_ERROR_NOT_FOUND);
+    assert_eq!(fs::read(&exr).unwrap(), bytes);
 }

@@ -170,3 +170,37 @@ fn calls_from_inside_the_callback_do_not_hang() {
     silence(&session);
     ok(session.commit());
 }
+
+#[test]
+fn render_vars_without_an_aov_are_warned_about() {
+    let session = Session::with_camera();
+    let received = Received::default();
+    listen(&session, &received, TRZ_LOG_WARN);
+    for (source_type, source, word) in [
+        (c"raw", c"nonsense", "nonsense"),
+        (c"lpe", c"CD<L.>", "CD<L.>"),
+        (c"what", c"color", "what"),
+    ] {
+        let var = trz_render_var {
+            source_name: source.as_ptr(),
+            source_type: source_type.as_ptr(),
+            ..render_var(c"/Vars/x".as_ptr())
+        };
+        // SAFETY: pointers to live values.
+        let result =
+            unsafe { trz_render_var_aov(session.0, &var, std::ptr::null_mut(), 0, &mut 0) };
+        assert!(fails(result, TRZ_ERROR_UNSUPPORTED).contains(word));
+        let said = received.take();
+        assert_eq!(said.len(), 1, "{said:?}");
+        let (_, path, _, text) = &said[0];
+        assert!(path == "/Vars/x" && text.contains(word), "{said:?}");
+    }
+    let odd = trz_render_var {
+        data_type: c"banana".as_ptr(),
+        ..render_var(c"/Vars/color".as_ptr())
+    };
+    // SAFETY: pointers to live values.
+    ok(unsafe { trz_render_var_aov(session.0, &odd, std::ptr::null_mut(), 0, &mut 0) });
+    assert!(received.take()[0].3.contains("banana"));
+    silence(&session);
+}

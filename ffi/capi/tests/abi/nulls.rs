@@ -53,6 +53,7 @@ fn null_session() {
         trz_aov_describe(s, c"color".as_ptr(), null_mut());
         trz_aov_read(s, c"color".as_ptr(), null_mut(), 0);
         trz_image_write(s, c"/tmp/a".as_ptr(), null());
+        trz_render_var_aov(s, null(), null_mut(), 0, &mut 0);
         trz_trace_rays(s, null(), null_mut(), 0);
     };
     // SAFETY: null is ignored.
@@ -137,7 +138,22 @@ fn null_arguments() {
         aov_count: 1,
         metadata: null(),
         metadata_count: 0,
+        vars: null(),
+        var_count: 0,
     };
+    let no_vars = trz_image {
+        aov_count: 0,
+        var_count: 1,
+        ..image
+    };
+    let no_path = render_var(null());
+    let pathless = trz_image {
+        aov_count: 0,
+        var_count: 1,
+        vars: &no_path,
+        ..image
+    };
+    let var = render_var(c"/Vars/color".as_ptr());
     let no_metadata = trz_image {
         aov_count: 0,
         metadata_count: 2,
@@ -190,6 +206,12 @@ fn null_arguments() {
         trz_aov_describe(s, c"color".as_ptr(), null_mut());
         trz_aov_read(s, null(), null_mut(), 0);
         trz_aov_read(s, c"color".as_ptr(), null_mut(), 0);
+        trz_image_write(s, c"/tmp/a".as_ptr(), &no_vars);
+        trz_image_write(s, c"/tmp/a".as_ptr(), &pathless);
+        trz_render_var_aov(s, null(), null_mut(), 0, &mut 0);
+        trz_render_var_aov(s, &no_path, null_mut(), 0, &mut 0);
+        trz_render_var_aov(s, &var, null_mut(), 0, null_mut());
+        trz_render_var_aov(s, &var, null_mut(), 9, &mut 0);
         trz_image_write(s, null(), &image);
         trz_image_write(s, name, null());
         trz_image_write(s, name, &image);

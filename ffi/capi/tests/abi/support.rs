@@ -1,6 +1,6 @@
 //! Sessions and small scenes for the tests.
 
-use std::ffi::{CStr, CString};
+use std::ffi::{CStr, CString, c_char};
 use std::ptr::null;
 
 use hdtrapeze::*;
@@ -17,6 +17,19 @@ impl Drop for Session {
     fn drop(&mut self) {
         // SAFETY: a session of trz_session_create, destroyed once.
         unsafe { trz_session_destroy(self.0) }
+    }
+}
+
+/// A render var of which only the path is authored.
+pub fn render_var(path: *const c_char) -> trz_render_var {
+    trz_render_var {
+        path,
+        source_name: null(),
+        source_type: null(),
+        data_type: null(),
+        format: null(),
+        name: null(),
+        channel_prefix: null(),
     }
 }
 
