@@ -28,6 +28,9 @@ fn flags(page: &mut Page, common: &PrimCommon) {
     if !common.visible {
         page.line("invisible");
     }
+    if common.matte {
+        page.line("matte");
+    }
     if common.double_sided {
         page.line("double sided");
     }

@@ -15,7 +15,8 @@ from .frames import parse_frames
 from .log import SceneLog
 from .record import apply_render_settings, make_options
 from .render import Renderer
-from .stage import Diagnostics, find_render_settings, open_stage
+from .stage import Diagnostics, open_stage
+from .usdrender import find_render_pass, find_render_settings
 
 
 def dump(args) -> None:
@@ -27,9 +28,8 @@ def dump(args) -> None:
     diagnostics = Diagnostics(log)
     stage = open_stage(args.usdFilePath, args.mask, args.sessionLayer, args.resolverContext, log)
     diagnostics.report(stage)
-    settings = find_render_settings(
-        stage, args.renderSettingsPrimPath, args.renderPassPrimPath, log
-    )
+    render_pass = find_render_pass(stage, args.renderPassPrimPath, args.renderer is not None, log)
+    settings = find_render_settings(stage, args.renderSettingsPrimPath, render_pass, log)
     if settings:
         named = bool(args.renderSettingsPrimPath or args.renderPassPrimPath)
         apply_render_settings(options, settings, args, named, log)
@@ -38,7 +38,7 @@ def dump(args) -> None:
     if frames is None:
         frames = [None if args.defaultTime else stage.GetStartTimeCode()]
     texts = []
-    with Renderer(options, log) as renderer:
+    with Renderer(options, log, render_pass) as renderer:
         for frame in frames:
             renderer.load(stage, frame, camera, settings)
             diagnostics.report()

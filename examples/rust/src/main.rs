@@ -157,6 +157,8 @@ fn render(session: &Session, path: &str) -> Result<(), String> {
         aov_count: 0,
         metadata: null(),
         metadata_count: 0,
+        vars: null(),
+        var_count: 0,
     };
     // SAFETY: all pointers are to live values of the lengths that are told.
     unsafe {
