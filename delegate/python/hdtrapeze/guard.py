@@ -4,6 +4,7 @@ An attribute may be authored with another type than its schema says. Reading suc
 one of FAULTS, and whoever reads prims turns that into one warning which names the prim.
 """
 
+from collections.abc import Iterable
 from numbers import Real
 
 from pxr import Tf, Usd
@@ -33,6 +34,18 @@ def warn_unreadable(log: SceneLog, path, error: Exception, outcome: str) -> None
     """The one warning about a prim that could not be read; `outcome` is what is done instead."""
     text = f"an attribute has another type than USD's schema says ({reason(error)}); {outcome}"
     log.warn(path, "type", text)
+
+
+def mistyped(prim: Usd.Prim, names: Iterable[str]) -> str | None:
+    """The first of the named attributes with a value of another type than the schema says."""
+    for name in names:
+        attribute = prim.GetAttribute(name)
+        expected = attribute.GetTypeName().type.pythonClass if attribute else None
+        if expected and attribute.HasAuthoredValue():
+            value = attribute.Get(Usd.TimeCode.EarliestTime())
+            if value is not None and not isinstance(value, expected):
+                return name
+    return None
 
 
 def number(attribute: Usd.Attribute, time: Usd.TimeCode) -> float:

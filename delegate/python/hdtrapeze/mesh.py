@@ -6,7 +6,7 @@ Nothing is checked here beyond the types: the renderer checks counts and indices
 from dataclasses import dataclass, field
 
 import numpy as np
-from pxr import Usd, UsdGeom, UsdSkel
+from pxr import Usd, UsdGeom
 
 from .log import SceneLog
 from .shutter import Shutter, bracketing_samples
@@ -94,9 +94,6 @@ class Mesh:
 def read_mesh(prim: Usd.Prim, shutter: Shutter, log: SceneLog, before: Mesh | None) -> Mesh:
     """The mesh at the frame; what does not vary is taken over from `before`."""
     mesh = UsdGeom.Mesh(prim)
-    if UsdSkel.BindingAPI(prim).GetJointIndicesAttr().HasAuthoredValue():
-        text = "skinning is not supported yet: the rest shape is rendered"
-        log.warn(prim.GetPath(), "unsupported-skinning", text)
     topology = before.topology if before else None
     if topology is None or topology.varies:
         topology = read_topology(mesh, shutter, log)

@@ -9,7 +9,7 @@ an edit of the stage, everything.
 from dataclasses import dataclass, field
 
 import numpy as np
-from pxr import Tf, Usd, UsdGeom, UsdLux, UsdShade
+from pxr import Tf, Usd, UsdGeom, UsdLux, UsdShade, UsdSkel
 
 from .guard import FAULTS, warn_unreadable
 from .instances import InstancerReader, NativeInstances, Placement, PointInstances
@@ -19,6 +19,7 @@ from .primvars import WIDTHS, inherited_from, read_primvars
 from .session import Session
 from .shapes import Shape, find_reader
 from .shutter import Shutter
+from .skel import Skinning
 from .transforms import Level, TransformReader
 
 
@@ -63,6 +64,7 @@ class SceneSync:
         self._draw_modes = draw_modes
         self._pass = collections or PassCollections(None, log)
         self._sent: dict[str, _Sent] = {}
+        self._skinning = Skinning(log)
         self._stage: Usd.Stage | None = None
         self._notice = None
         self._pick_ids: dict[str, int] = {}
@@ -86,6 +88,7 @@ class SceneSync:
             )
         self._shutter = shutter
         self._transforms = transforms
+        self._skinning.begin_frame(shutter, transforms)
         self._seen: set[str] = set()
         self.has_hidden = False
         self._ignored = {"lights": 0, "materials": 0}
@@ -101,6 +104,7 @@ class SceneSync:
         for sent in self._sent.values():
             sent.shape = None
             sent.shape_varies = sent.primvars_vary = True
+        self._skinning.forget()
 
     # The walk ------------------------------------------------------------------------------------
 
@@ -112,6 +116,7 @@ class SceneSync:
             # Prototypes of point instancers may be classes, or below an `over`.
             predicate = Usd.PrimIsActive & Usd.PrimIsLoaded
         predicate = Usd.TraverseInstanceProxies(predicate)
+        self._skinning.enter(root, predicate)
         stack = [(root, purpose, None)]
         while stack:
             prim, purpose, instance = stack.pop()
@@ -127,6 +132,8 @@ class SceneSync:
                 if imageable.GetPurposeAttr().HasAuthoredValue():
                     purpose = imageable.GetPurposeAttr().Get()
                 try:
+                    if prim.IsA(UsdSkel.Root):
+                        self._skinning.enter(prim, predicate)
                     if self._visit(prim, purpose, instance, place, groups):
                         continue
                 except FAULTS as error:
@@ -165,10 +172,12 @@ class SceneSync:
         if instance and not self._transforms.resets_below(prim, instance):
             prototype = prim.GetPrimInPrototype().GetPath()
             matte = self._pass.is_matte(prim.GetPath(), place.instancers)
-            key = (prototype, inherited_from(UsdGeom.Gprim(prim)), matte)
+            skinned = self._skinning.of(prim)
+            bound = skinned.shared_by(instance) if skinned else None
+            key = (prototype, inherited_from(UsdGeom.Gprim(prim)), matte, bound)
             groups.setdefault(key, []).append((prim, instance))
         else:
-            levels = self._transforms.levels(prim, place.top)
+            levels = self._levels(prim, place.top)
             self._emit(place.prefix + str(prim.GetPath()), prim, levels, place.placement, place)
         return False
 
@@ -179,6 +188,13 @@ class SceneSync:
         self.has_hidden = True
         return False
 
+    def _levels(self, prim, top=None, below=None) -> list[Level]:
+        """Levels of a gprim, which its skeleton may place."""
+        skinned = self._skinning.of(prim)
+        if skinned:
+            skinned.place()
+        return self._transforms.levels(prim, top, below)
+
     def _leave_out(self, prim: Usd.Prim, error: Exception) -> None:
         warn_unreadable(self._log, prim.GetPath(), error, "not rendered")
         self.has_hidden = True
@@ -187,12 +203,12 @@ class SceneSync:
         """Meshes that share a prototype's prim: one mesh with many places, or simply one."""
         prim, instance = members[0]
         if len(members) == 1:
-            levels = self._transforms.levels(prim, place.top)
+            levels = self._levels(prim, place.top)
             self._emit(place.prefix + str(prim.GetPath()), prim, levels, place.placement, place)
             return
         levels = [self._transforms.levels(inst, place.top) for _, inst in members]
         placement = NativeInstances(levels, place.placement)
-        own = self._transforms.levels(prim, below=instance)
+        own = self._levels(prim, below=instance)
         # Prototype paths may differ from one opening of a stage to the next, not within one.
         self._emit(f"{place.prefix}{key}", prim, own, placement, place)
 
@@ -273,6 +289,9 @@ class SceneSync:
         session = self._session
         if sent.primvars_vary:
             primvars = read_primvars(UsdGeom.Gprim(prim), self._shutter, self._log)
+            skinned = self._skinning.of(prim)
+            if skinned:
+                skinned.turn_normals(primvars, sent.shape)
             for name in WIDTHS:
                 if name in primvars or name in sent.primvars:
                     session.set_primvar(sent.prim, name, primvars.get(name))
@@ -301,6 +320,7 @@ class SceneSync:
         """Geometry; None for a prim that has none."""
         before = sent.shape if sent else None
         shape = find_reader(prim)(prim, self._shutter, self._log, before)
+        self._skinning.deform(prim, shape, before)
         if shape.is_empty:
             self.has_hidden = True  # nothing to say, nothing to draw
             return None

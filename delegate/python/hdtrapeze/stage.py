@@ -23,8 +23,9 @@ class Diagnostics:
         for error in stage.GetCompositionErrors() if stage else ():
             self._log.warn(error.rootSite.path, "composition", _one_line(str(error)))
         for message in self._delegate.TakeUncoalescedDiagnostics():
-            # The stage has named these itself.
-            if not (stage and message.sourceFunction.endswith("UsdStage::_ReportErrors")):
+            # The stage has named these itself; what UsdSkel says of a prim, skel.py has said.
+            named = stage and message.sourceFunction.endswith("UsdStage::_ReportErrors")
+            if not named and "/usdSkel/" not in message.sourceFileName.replace("\\", "/"):
                 status = "STATUS" in message.diagnosticCodeString
                 level = logging.INFO if status else logging.WARNING
                 text = _one_line(message.commentary)

@@ -63,11 +63,36 @@ def curve_keys(
     `evaluate` gives one or several matrices, (..., 4, 4); all of them get the same keys. Where
     nothing moves, one key remains.
     """
+
+    def limits(values):
+        linear = np.abs(values[..., :3, :3]).max()
+        extent = np.ptp(values[..., 3, :3], axis=0).max()
+        limits = np.full((4, 4), TOLERANCE * max(linear, 1e-30))
+        limits[3, :3] = TOLERANCE * max(linear, extent, 1e-30)
+        return limits
+
+    kept, matrices = _bent_keys(times, evaluate, limits)
+    return np.array(kept), np.stack(matrices)
+
+
+def point_keys(
+    times: list[float], evaluate: Callable[[float], np.ndarray]
+) -> tuple[list[float], list[np.ndarray]]:
+    """The same for points, (n, 3): TOLERANCE is relative to the box around all of their paths."""
+
+    def limits(values):
+        return TOLERANCE * max(np.ptp(values, axis=(0, 1)).max(initial=0.0), 1e-30)
+
+    return _bent_keys(times, evaluate, limits)
+
+
+def _bent_keys(times, evaluate, limits_of) -> tuple[list[float], list[np.ndarray]]:
+    """Keys that keep to `evaluate` within what `limits_of` makes of its first values."""
     known: dict[float, np.ndarray] = {}
 
     def at(time: float) -> np.ndarray:
         if time not in known:
-            known[time] = np.asarray(evaluate(time), dtype=np.float64)
+            known[time] = evaluate(time)
         return known[time]
 
     # A curve may cross its chord in the middle, so each segment is first probed at its quarters.
@@ -75,13 +100,10 @@ def curve_keys(
     probes = [a + (b - a) * f for a, b in segments for f in (0.25, 0.5, 0.75)]
     values = np.stack([at(time) for time in sorted({*times, *probes})])
     if not np.isfinite(values).all():
-        return np.array(times), np.stack([at(time) for time in times])  # the renderer warns
+        return times, [at(time) for time in times]  # the renderer warns
     if (values == values[0]).all():
-        return np.array(times[:1]), values[:1]
-    linear = np.abs(values[..., :3, :3]).max()
-    extent = np.ptp(values[..., 3, :3], axis=0).max()
-    limits = np.full((4, 4), TOLERANCE * max(linear, 1e-30))
-    limits[3, :3] = TOLERANCE * max(linear, extent, 1e-30)
+        return times[:1], [values[0]]
+    limits = limits_of(values)
 
     def misses(a: float, b: float, time: float) -> bool:
         f = (time - a) / (b - a)
@@ -97,7 +119,7 @@ def curve_keys(
             kept.add(middle)
             pending += [(a, middle, (0.5,)), (middle, b, (0.5,))]
     ordered = sorted(kept)
-    return np.array(ordered), np.stack([at(time) for time in ordered])
+    return ordered, [at(time) for time in ordered]
 
 
 def compose(levels: list[Level], time: float) -> np.ndarray:
@@ -137,6 +159,10 @@ class TransformReader:
                 warn_unreadable(self._log, path, error, "its transform is taken as none")
                 self._own[path] = None, False
         return self._own[path]
+
+    def replace_own(self, prim: Usd.Prim, level: Level) -> None:
+        """Gives the prim another local level than its transform ops, for this frame."""
+        self._own[prim.GetPath()] = level, self.own_level(prim)[1]
 
     def _read(self, prim: Usd.Prim) -> tuple[Level | None, bool]:
         xformable = UsdGeom.Xformable(prim)
@@ -178,3 +204,39 @@ class TransformReader:
                 return True
             prim = prim.GetParent()
         return False
+
+
+class Between:
+    """The way from one prim's space into another's, through the nearest parent of both."""
+
+    def __init__(self, transforms: TransformReader, source: Usd.Prim, target: Usd.Prim):
+        shared = source
+        while shared and not target.GetPath().HasPrefix(shared.GetPath()):
+            shared = shared.GetParent()
+        if any(transforms.resets_below(prim, shared) for prim in (source, target)):
+            shared = None
+        self._up = transforms.levels(source, below=shared)
+        self._down = transforms.levels(target, below=shared)
+        moving = [level for level in self._up + self._down if not level.static]
+        self.times = {float(time) for level in moving for time in level.times}
+        """Relative times at which keys are needed for sure."""
+        self.varies = any(_varies_below(prim, shared) for prim in (source, target))
+        """Whether it may differ at another frame."""
+
+    def at(self, time: float) -> np.ndarray:
+        """The matrix at `time`. Where the target is flat, what it cannot hold is left out."""
+        down = compose(self._down, time)
+        try:
+            inverse = np.linalg.inv(down)
+        except np.linalg.LinAlgError:
+            inverse = np.linalg.pinv(down)
+        return compose(self._up, time) @ inverse
+
+
+def _varies_below(prim: Usd.Prim, below: Usd.Prim | None) -> bool:
+    while prim and not prim.IsPseudoRoot() and prim != below:
+        xformable = UsdGeom.Xformable(prim)
+        if xformable and xformable.TransformMightBeTimeVarying():
+            return True
+        prim = prim.GetParent()
+    return False
