@@ -90,10 +90,12 @@ impl Edit {
 }
 
 /// A queued change of the scene.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) enum Change {
     Create(PrimId, Kind, Arc<str>),
     Edit(PrimId, Edit),
+    /// A prim with all its edits so far applied.
+    Complete(PrimId, Arc<PrimDesc>),
     ActiveCamera(Option<PrimId>),
     Settings(Box<RenderSettings>),
     Aovs(Vec<String>),
@@ -103,8 +105,14 @@ pub(crate) enum Change {
 #[derive(Debug, Default)]
 pub(crate) struct EditQueue {
     changes: Vec<Change>,
+    /// Changes in the queue of each prim.
+    counts: HashMap<PrimId, usize>,
     known: HashMap<PrimId, (Kind, Arc<str>)>,
     last_id: u64,
+    /// The scene as of the last commit.
+    base: Scene,
+    /// Goes up with every change of a camera or the settings.
+    view_version: u64,
 }
 
 impl EditQueue {
@@ -119,7 +127,9 @@ impl EditQueue {
         let id = PrimId(self.last_id);
         let path: Arc<str> = path.into();
         self.known.insert(id, (kind, path.clone()));
+        self.view_version += u64::from(kind == Kind::Camera);
         self.changes.push(Change::Create(id, kind, path));
+        self.counts.insert(id, 1);
         id
     }
 
@@ -134,7 +144,9 @@ impl EditQueue {
         if matches!(edit, Edit::Remove) {
             self.known.remove(&id);
         }
+        self.view_version += u64::from(kind == Kind::Camera);
         self.changes.push(Change::Edit(id, edit));
+        *self.counts.entry(id).or_default() += 1;
         Ok(())
     }
 
@@ -148,12 +160,91 @@ impl EditQueue {
                 )));
             }
         }
+        // What is left are settings, their AOVs and the active camera.
+        self.view_version += 1;
         self.changes.push(change);
         Ok(())
     }
 
     pub fn take(&mut self) -> Vec<Change> {
+        self.counts.clear();
         std::mem::take(&mut self.changes)
+    }
+
+    /// Remembers the scene that all changes so far have been applied to.
+    pub fn applied(&mut self, scene: &Scene) {
+        self.base = scene.clone();
+    }
+
+    /// Whether `prim` is what the last commit had under this id.
+    pub fn is_committed(&self, id: PrimId, prim: &Arc<PrimDesc>) -> bool {
+        let base = self.base.prims.get(&id);
+        base.is_some_and(|base| Arc::ptr_eq(base, prim))
+    }
+
+    /// The version of cameras and settings: other numbers, other cameras or settings.
+    pub fn view_version(&self) -> u64 {
+        self.view_version
+    }
+
+    /// The last scene with the cameras and settings of now, and without its prims.
+    pub fn view(&self) -> Scene {
+        let mut scene = Scene {
+            prims: BTreeMap::new(),
+            ..self.base.clone()
+        };
+        let is_camera = |id: &PrimId| self.known.get(id).is_some_and(|k| k.0 == Kind::Camera);
+        let matters = |change: &&Change| match change {
+            Change::Create(id, ..) | Change::Edit(id, _) => is_camera(id),
+            Change::Complete(..) => false,
+            Change::ActiveCamera(_) | Change::Settings(_) | Change::Aovs(_) => true,
+        };
+        apply(
+            &mut scene,
+            self.changes.iter().filter(matters).cloned().collect(),
+        );
+        scene
+    }
+
+    /// Applies the queued edits of a prim, and gives the result; nothing where there are none, or
+    /// where edits of others came between them.
+    pub fn complete(&mut self, id: PrimId) -> Result<Option<Arc<PrimDesc>>, Error> {
+        let (kind, path) = self.find(id)?;
+        if kind == Kind::Camera {
+            return Ok(None);
+        }
+        let is_own = |change: &Change| match change {
+            Change::Create(of, ..) | Change::Edit(of, _) | Change::Complete(of, _) => *of == id,
+            _ => false,
+        };
+        let own = self.changes.iter().rev().take_while(|c| is_own(c)).count();
+        if own == 0 || self.counts.get(&id) != Some(&own) {
+            return Ok(None);
+        }
+        let first = self.changes.len() - own;
+        let begins = matches!(
+            self.changes.get(first),
+            Some(Change::Create(..) | Change::Complete(..))
+        );
+        let mut prim = match self.base.prims.get(&id) {
+            _ if begins => new_prim(kind, &path),
+            Some(base) => PrimDesc::clone(base),
+            None => return Ok(None),
+        };
+        for change in self.changes.drain(first..) {
+            match change {
+                Change::Complete(_, done) => prim = PrimDesc::clone(&done),
+                Change::Edit(_, edit) => edit_prim(&mut prim, edit),
+                _ => {}
+            }
+        }
+        let prim = match self.base.prims.get(&id) {
+            Some(base) if **base == prim => Arc::clone(base),
+            _ => Arc::new(prim),
+        };
+        self.changes.push(Change::Complete(id, Arc::clone(&prim)));
+        self.counts.insert(id, 1);
+        Ok(Some(prim))
     }
 }
 
@@ -170,12 +261,13 @@ pub(crate) fn apply(scene: &mut Scene, changes: Vec<Change>) -> bool {
                     path: path.to_string(),
                     ..CameraDesc::default()
                 };
-                cameras.changed.insert(id, Some(camera));
+                cameras.insert(id, camera);
             }
             Change::Create(id, kind, path) => {
                 let prim = new_prim(kind, &path);
-                prims.changed.insert(id, Some(prim));
+                prims.insert(id, prim);
             }
+            Change::Complete(id, prim) => prims.set(id, prim),
             Change::Edit(id, Edit::Remove) => {
                 prims.remove(id);
                 cameras.remove(id);
@@ -272,10 +364,17 @@ fn edit_camera(camera: &mut CameraDesc, edit: Edit) {
     }
 }
 
-/// A map of the scene with copies of what edits touch; `None` is removed.
+/// A map of the scene with copies of what edits touch.
 struct Working<'a, T> {
     map: &'a mut BTreeMap<PrimId, Arc<T>>,
-    changed: BTreeMap<PrimId, Option<T>>,
+    changed: BTreeMap<PrimId, State<T>>,
+}
+
+/// What became of an entry.
+enum State<T> {
+    Copy(T),
+    Shared(Arc<T>),
+    Removed,
 }
 
 impl<'a, T: Clone + PartialEq> Working<'a, T> {
@@ -286,29 +385,49 @@ impl<'a, T: Clone + PartialEq> Working<'a, T> {
         }
     }
 
+    fn insert(&mut self, id: PrimId, new: T) {
+        self.changed.insert(id, State::Copy(new));
+    }
+
+    fn set(&mut self, id: PrimId, new: Arc<T>) {
+        self.changed.insert(id, State::Shared(new));
+    }
+
     fn get(&mut self, id: PrimId) -> Option<&mut T> {
-        let old = self.map.get(&id);
-        let copy = self.changed.entry(id);
-        copy.or_insert_with(|| old.map(|old| T::clone(old)))
-            .as_mut()
+        let old = match self.changed.get(&id) {
+            Some(State::Shared(new)) => Some(T::clone(new)),
+            Some(State::Copy(_) | State::Removed) => None,
+            None => Some(T::clone(self.map.get(&id)?)),
+        };
+        if let Some(old) = old {
+            self.changed.insert(id, State::Copy(old));
+        }
+        match self.changed.get_mut(&id) {
+            Some(State::Copy(copy)) => Some(copy),
+            _ => None,
+        }
     }
 
     fn remove(&mut self, id: PrimId) {
-        self.changed.insert(id, None);
+        self.changed.insert(id, State::Removed);
     }
 
     fn finish(self) -> bool {
         let mut differs = false;
         for (id, new) in self.changed {
             let old = self.map.get(&id);
-            differs |= match new {
-                Some(new) if old.is_some_and(|old| **old == new) => false,
-                Some(new) => {
-                    self.map.insert(id, Arc::new(new));
-                    true
+            let new = match new {
+                State::Copy(new) if old.is_some_and(|old| **old == new) => continue,
+                State::Copy(new) => Arc::new(new),
+                State::Shared(new) if old.is_some_and(|old| Arc::ptr_eq(old, &new)) => continue,
+                State::Shared(new) => new,
+                State::Removed => {
+                    differs |= self.map.remove(&id).is_some();
+                    continue;
                 }
-                None => self.map.remove(&id).is_some(),
             };
+            self.map.insert(id, new);
+            differs = true;
         }
         differs
     }
@@ -373,6 +492,51 @@ mod tests {
 
         queue.edit(moving, points(3.0)).unwrap();
         assert!(!apply(&mut scene, queue.take()), "nothing changed");
+    }
+
+    #[test]
+    fn a_completed_prim_is_the_one_that_is_committed() {
+        let mut queue = EditQueue::default();
+        let mut scene = Scene::default();
+        let a = queue.create(Kind::Mesh, "/a");
+        queue.edit(a, points(1.0)).unwrap();
+        let done = queue.complete(a).unwrap().expect("it has edits");
+        assert!(queue.complete(a).unwrap().is_some(), "again is harmless");
+        apply(&mut scene, queue.take());
+        queue.applied(&scene);
+        assert_eq!(*scene.prims[&a], *done);
+        let before = scene.prims[&a].clone();
+
+        // The same again: the prim of before; something else: a new one, also with later edits.
+        queue.edit(a, points(1.0)).unwrap();
+        let same = queue.complete(a).unwrap().unwrap();
+        assert!(Arc::ptr_eq(&before, &same));
+        queue.edit(a, points(2.0)).unwrap();
+        let new = queue.complete(a).unwrap().unwrap();
+        assert!(apply(&mut scene, queue.take()));
+        queue.applied(&scene);
+        assert!(Arc::ptr_eq(&scene.prims[&a], &new));
+        queue.edit(a, points(3.0)).unwrap();
+        queue.complete(a).unwrap();
+        queue.edit(a, points(4.0)).unwrap();
+        apply(&mut scene, queue.take());
+        let Geometry::Mesh(mesh) = &scene.prims[&a].geometry else {
+            panic!("a mesh");
+        };
+        assert_eq!(mesh.points.points[0][0].x, 4.0, "the last edit wins");
+    }
+
+    #[test]
+    fn prims_edited_by_turns_are_not_completed() {
+        let mut queue = EditQueue::default();
+        let a = queue.create(Kind::Mesh, "/a");
+        let b = queue.create(Kind::Mesh, "/b");
+        queue.edit(a, points(1.0)).unwrap();
+        assert!(queue.complete(a).unwrap().is_none());
+        assert!(queue.complete(b).unwrap().is_none());
+        let mut scene = Scene::default();
+        apply(&mut scene, queue.take());
+        assert_eq!(scene.prims.len(), 2);
     }
 
     #[test]

@@ -9,6 +9,7 @@
 //! Knows neither C types nor OpenSubdiv: the layer above injects the subdivision factory.
 #![forbid(unsafe_code)]
 
+mod ahead;
 mod aov;
 pub mod edit;
 mod engine;

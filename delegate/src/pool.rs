@@ -54,6 +54,16 @@ impl Pool {
     }
 }
 
+impl Pool {
+    /// Runs `work` on a thread of this pool, some time; panics in it must be caught.
+    pub fn spawn(&self, work: impl FnOnce() + Send + 'static) {
+        match &self.pool {
+            Some(pool) => pool.spawn(work),
+            None => work(),
+        }
+    }
+}
+
 impl Drop for Pool {
     fn drop(&mut self) {
         // Tells the workers to end; then they can be waited for.

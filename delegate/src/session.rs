@@ -1,7 +1,7 @@
 //! The session: one scene, one renderer, one image at a time.
 //!
 //! Locks, in the order in which they are taken: `work` (held through a commit or start; who holds
-//! it owns the scene and the render thread), then for moments `edits` or the status. Readers take
+//! it owns the scene and the render thread), then for moments `ahead`, `edits` or the status. Readers take
 //! the status only, so they never wait for a commit.
 
 use std::path::Path;
@@ -13,12 +13,15 @@ use std::time::{Duration, Instant};
 use hdtrapeze_core::aov::{Aov, AovImage};
 use hdtrapeze_core::diagnostics::{Code, Warning};
 use hdtrapeze_core::dump::dump;
-use hdtrapeze_core::render::{Frame, Prepared, RenderControl, WorldHit, WorldRay, prepare, render};
+use hdtrapeze_core::render::{
+    Frame, Prepared, RenderControl, WorldHit, WorldRay, prepare_with, render,
+};
 use hdtrapeze_core::scene::{PrimId, RenderSettings, Scene};
 use hdtrapeze_core::surface::SubdivisionFactory;
 use tracing::Level;
 use tracing::dispatcher::with_default;
 
+use crate::ahead::Ahead;
 use crate::aov::AovShape;
 use crate::edit::{Change, Edit, EditQueue, Kind, apply};
 use crate::engine::{MISS, NO_RAY, is_traceable, new_frame, prepare_error, prepare_statistics};
@@ -39,8 +42,9 @@ use crate::translate::{self, AuthoredTopology};
 /// Methods that wait return [`Error::Busy`] inside a log function.
 pub struct Session {
     shared: Arc<Shared>,
-    factory: Box<dyn SubdivisionFactory>,
+    factory: Arc<dyn SubdivisionFactory>,
     edits: Mutex<EditQueue>,
+    ahead: Mutex<Option<Ahead>>,
     work: Mutex<Work>,
 }
 
@@ -62,8 +66,9 @@ impl Session {
     pub fn new(factory: Box<dyn SubdivisionFactory>) -> Self {
         Self {
             shared: Shared::new(),
-            factory,
+            factory: factory.into(),
             edits: Mutex::default(),
+            ahead: Mutex::default(),
             work: Mutex::default(),
         }
     }
@@ -92,6 +97,41 @@ impl Session {
     pub fn edit(&self, id: PrimId, edit: Edit) -> Result<(), Error> {
         self.shared.check()?;
         lock(&self.edits).edit(id, edit)
+    }
+
+    /// Tells that all edits of a prim have been queued, so that it can be prepared while the host goes
+    /// on with others. A hint: it changes nothing but when the work is done. It is taken where the
+    /// active camera and the settings are known and no commit is running.
+    pub fn complete(&self, id: PrimId) -> Result<(), Error> {
+        self.shared.check()?;
+        let mut edits = lock(&self.edits);
+        let Some(prim) = edits.complete(id)? else {
+            return Ok(());
+        };
+        let version = edits.view_version();
+        let is_new = !edits.is_committed(id, &prim);
+        drop(edits);
+        if !is_new || in_log_callback() {
+            return Ok(());
+        }
+        let Ok(mut work) = self.work.try_lock() else {
+            return Ok(());
+        };
+        let mut ahead = lock(&self.ahead);
+        if ahead
+            .as_ref()
+            .is_none_or(|ahead| ahead.view_version != version)
+        {
+            *ahead = None;
+            let view = lock(&self.edits).view();
+            let threads = view.settings.threads;
+            let pool = self.pool(&mut work, threads)?;
+            *ahead = Ahead::new(&view, version, &self.factory, &self.shared, pool);
+        }
+        if let Some(ahead) = &*ahead {
+            ahead.begin(id, prim);
+        }
+        Ok(())
     }
 
     /// Queues a mesh's topology. Creases and corners whose lists do not fit each other are dropped
@@ -354,8 +394,9 @@ impl Session {
     }
 
     fn apply_edits(&self, work: &mut Work) {
-        let changes = lock(&self.edits).take();
-        if apply(&mut work.scene, changes) {
+        let mut edits = lock(&self.edits);
+        if apply(&mut work.scene, edits.take()) {
+            edits.applied(&work.scene);
             work.version += 1;
             work.current = false;
         }
@@ -370,8 +411,7 @@ impl Session {
         }
     }
 
-    fn pool(&self, work: &mut Work) -> Result<Arc<Pool>, Error> {
-        let threads = work.scene.settings.threads;
+    fn pool(&self, work: &mut Work, threads: u32) -> Result<Arc<Pool>, Error> {
         if let Some((count, pool)) = &work.pool
             && *count == threads
         {
@@ -385,12 +425,14 @@ impl Session {
     /// Makes the scene ready for rays and publishes it.
     fn prepare(&self, work: &mut Work, cancel: &AtomicBool) -> Result<Committed, Error> {
         self.shared.status().committed = None;
-        let pool = self.pool(work)?;
+        let pool = self.pool(work, work.scene.settings.threads)?;
+        let ahead = lock(&self.ahead).take();
+        let ahead = ahead.as_ref().map(|ahead| ahead.finish(cancel));
         let (scene, previous) = (&work.scene, work.previous.as_deref());
         let factory = self.factory.as_ref();
         let preparation = self
             .shared
-            .guard(|| pool.install(|| prepare(scene, factory, previous, cancel)))?
+            .guard(|| pool.install(|| prepare_with(scene, factory, previous, ahead, cancel)))?
             .map_err(prepare_error)?;
         self.warn(&preparation.warnings);
         let prepared = Arc::new(preparation.prepared);
@@ -453,6 +495,7 @@ impl Session {
 
 impl Drop for Session {
     fn drop(&mut self) {
+        drop(lock(&self.ahead).take());
         let mut work = std::mem::take(&mut *lock(&self.work));
         self.stop(&mut work);
     }

@@ -4,6 +4,7 @@
 //! Both run on the calling thread's rayon pool. A [`Prepared`] is immutable and shared; what an edit
 //! did not touch is taken over from the one before.
 
+mod ahead;
 mod integrate;
 mod objects;
 mod passes;
@@ -13,8 +14,9 @@ mod query;
 mod shape;
 
 pub use crate::film::{Frame, FrameError};
+pub use ahead::Ahead;
 pub use passes::{RenderControl, RenderStatistics, render};
 pub(crate) use prepare::resolve_shutter;
-pub use prepare::{Preparation, PrepareError, prepare};
+pub use prepare::{Preparation, PrepareError, prepare, prepare_with};
 pub use prepared::{PrepareStatistics, Prepared};
 pub use query::{WorldHit, WorldRay};

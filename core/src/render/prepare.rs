@@ -7,6 +7,7 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 
+use super::ahead::Ahead;
 use super::objects::{Context, PrimObjects, prepare_prim};
 use super::prepared::{CacheEntry, InstanceEntry, PrepareStatistics, Prepared, PreparedPrim};
 use crate::aov::Aov;
@@ -44,6 +45,52 @@ pub struct Preparation {
     pub warnings: Vec<Warning>,
 }
 
+/// What prims are prepared for: camera, shutter and settings.
+#[derive(Debug)]
+pub(super) struct View {
+    pub camera: Camera,
+    pub camera_desc: Arc<CameraDesc>,
+    pub settings: Arc<RenderSettings>,
+    pub shutter: Shutter,
+}
+
+impl View {
+    pub fn new(scene: &Scene, warnings: &mut Vec<Warning>) -> Result<Self, PrepareError> {
+        let settings = &scene.settings;
+        check_settings(settings)?;
+        let camera_desc = scene
+            .active_camera
+            .and_then(|id| scene.cameras.get(&id))
+            .ok_or(PrepareError::NoCamera)?;
+        let shutter = resolve_shutter(camera_desc, settings, warnings);
+        let path = &camera_desc.path;
+        let (camera, notes) = Camera::new(camera_desc, settings, shutter)
+            .map_err(|e| PrepareError::Camera(path.clone(), e.to_string()))?;
+        let notes = notes.into_iter();
+        warnings.extend(notes.map(|n| Warning::new(path, Code::NotFinite, n)));
+        Ok(Self {
+            camera,
+            camera_desc: Arc::clone(camera_desc),
+            settings: Arc::clone(settings),
+            shutter,
+        })
+    }
+
+    pub fn context<'a>(
+        &'a self,
+        factory: &'a dyn SubdivisionFactory,
+        cancel: &'a AtomicBool,
+    ) -> Context<'a> {
+        Context {
+            camera: &self.camera,
+            shutter: self.shutter,
+            settings: &self.settings,
+            factory,
+            cancel,
+        }
+    }
+}
+
 /// Prepares `scene`. `previous` is the commit before, whose objects are taken over where neither the
 /// prim nor anything it was diced for has changed.
 ///
@@ -55,33 +102,29 @@ pub fn prepare(
     previous: Option<&Prepared>,
     cancel: &AtomicBool,
 ) -> Result<Preparation, PrepareError> {
+    prepare_with(scene, factory, previous, None, cancel)
+}
+
+/// [`prepare`], with prims that were prepared already.
+///
+/// # Errors
+/// As [`prepare`].
+pub fn prepare_with(
+    scene: &Scene,
+    factory: &dyn SubdivisionFactory,
+    previous: Option<&Prepared>,
+    ahead: Option<&Ahead>,
+    cancel: &AtomicBool,
+) -> Result<Preparation, PrepareError> {
     let start = Instant::now();
-    let settings = &scene.settings;
-    check_settings(settings)?;
-    let camera_desc = scene
-        .active_camera
-        .and_then(|id| scene.cameras.get(&id))
-        .ok_or(PrepareError::NoCamera)?;
     let mut warnings = Vec::new();
-    let shutter = resolve_shutter(camera_desc, settings, &mut warnings);
-    let (camera, notes) = Camera::new(camera_desc, settings, shutter)
-        .map_err(|e| PrepareError::Camera(camera_desc.path.clone(), e.to_string()))?;
-    let path = &camera_desc.path;
-    warnings.extend(
-        notes
-            .into_iter()
-            .map(|n| Warning::new(path, Code::NotFinite, n)),
-    );
+    let view = View::new(scene, &mut warnings)?;
+    let settings = &scene.settings;
     let aovs = resolve_aovs(settings, &mut warnings);
 
-    let reusable = previous.filter(|p| same_dicing(p, camera_desc, settings, shutter));
-    let context = Context {
-        camera: &camera,
-        shutter,
-        settings,
-        factory,
-        cancel,
-    };
+    let ahead = ahead.map(|ahead| ahead.take_for(&view)).unwrap_or_default();
+    let reusable = previous.filter(|p| same_dicing(p.shutter, &p.camera_desc, &p.settings, &view));
+    let context = view.context(factory, cancel);
     let visible: Vec<(&PrimId, &Arc<PrimDesc>)> = scene
         .prims
         .iter()
@@ -90,6 +133,10 @@ pub fn prepare(
     let prepared: Vec<(Arc<PrimObjects>, bool)> = visible
         .par_iter()
         .map(|(id, prim)| {
+            let new = ahead.get(id).filter(|new| Arc::ptr_eq(&new.desc, prim));
+            if let Some(new) = new {
+                return (Arc::clone(&new.objects), false);
+            }
             let old = reusable.and_then(|p| p.cache.get(id));
             match old.filter(|old| same_geometry(&old.desc, prim)) {
                 Some(old) => (Arc::clone(&old.objects), true),
@@ -130,12 +177,18 @@ pub fn prepare(
             objects,
         });
     }
-    let (world, instances) = place(&prims, &camera, &mut statistics);
-    let plan = plan_effects(&prims, &camera, camera_desc, settings, shutter);
+    let (world, instances) = place(&prims, &view.camera, &mut statistics);
+    let View {
+        camera,
+        camera_desc,
+        shutter,
+        ..
+    } = view;
+    let plan = plan_effects(&prims, &camera, &camera_desc, settings, shutter);
     statistics.total_seconds = start.elapsed().as_secs_f64();
     let prepared = Prepared {
         settings: Arc::clone(settings),
-        camera_desc: Arc::clone(camera_desc),
+        camera_desc,
         camera,
         shutter,
         aovs,
@@ -229,16 +282,16 @@ fn resolve_aovs(settings: &RenderSettings, warnings: &mut Vec<Warning>) -> Vec<A
     aovs
 }
 
-/// True when everything that dicing and paths depend on, apart from the prims, is as it was.
-fn same_dicing(
-    previous: &Prepared,
-    camera: &CameraDesc,
-    settings: &RenderSettings,
+/// True when everything that dicing and paths depend on, apart from the prims, is that of `view`.
+pub(super) fn same_dicing(
     shutter: Shutter,
+    camera: &CameraDesc,
+    old: &RenderSettings,
+    view: &View,
 ) -> bool {
-    let old = &previous.settings;
-    previous.shutter == shutter
-        && *previous.camera_desc == *camera
+    let settings = &view.settings;
+    shutter == view.shutter
+        && *camera == *view.camera_desc
         && old.resolution == settings.resolution
         && old.pixel_aspect == settings.pixel_aspect
         && old.window_policy == settings.window_policy

@@ -90,13 +90,14 @@ class Renderer:
             else framing_camera(stage, shutter, purposes)
         )
         self.camera = state
+        if self._camera_id is None:
+            self._camera_id = self.session.create("camera", state.path or "/framing_camera")
+        # First of all, so that prims can be diced for them while others are read.
+        self.session.set_camera(self._camera_id, state)
+        self._apply_settings()
         self._scene.sync(stage, shutter, transforms)
         if not (self._scene.mesh_count or self._scene.has_hidden):
             self.log.warn("", "empty", "the stage has nothing to render for the purposes asked for")
-        if self._camera_id is None:
-            self._camera_id = self.session.create("camera", state.path or "/framing_camera")
-        self.session.set_camera(self._camera_id, state)
-        self._apply_settings()
 
     def _apply_settings(self) -> None:
         options, constants = self.options, native.constants()

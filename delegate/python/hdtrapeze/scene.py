@@ -275,6 +275,8 @@ class SceneSync:
         try:
             self._send(key, prim, levels, placement)
             self._send_matte(key, self._pass.is_matte(prim.GetPath(), place.instancers))
+            if key in self._sent:
+                self._session.complete(self._sent[key].prim)
         except FAULTS as error:
             self._seen.discard(key)
             self._leave_out(prim, error)

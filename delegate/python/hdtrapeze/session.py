@@ -105,6 +105,10 @@ class Session:
         self._call(f"trz_{kind}_create", _text(path), out)
         return out[0]
 
+    def complete(self, prim: int) -> None:
+        """Tells that nothing more comes of a prim: it can be diced while others are read."""
+        self._call("trz_prim_complete", prim)
+
     def remove(self, prim: int) -> None:
         """Removes a prim."""
         self._call("trz_prim_remove", prim)

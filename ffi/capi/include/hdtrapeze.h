@@ -802,6 +802,16 @@ trz_result trz_prim_set_matte(struct trz_session *session, trz_id prim, uint32_t
 // TRZ_ERROR_POISONED. Threads: any.
 trz_result trz_prim_set_pick_id(struct trz_session *session, trz_id prim, int32_t prim_id);
 
+// Tells that all edits of a prim have been queued: it may be translated and diced right away, on the
+// session's threads, while the host goes on with others. A hint that changes nothing but when the work
+// is done; edits that come later are as good as before. Worth it where the active camera and the
+// settings have been queued before, and each prim's edits follow each other.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_NOT_FOUND, TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_POISONED.
+// Threads: any.
+trz_result trz_prim_complete(struct trz_session *session,
+                             trz_id prim);
+
 // Queues the removal of a prim or camera. Its id is not found any more from now on.
 //
 // Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_NOT_FOUND, TRZ_ERROR_POISONED. Threads: any.

@@ -298,6 +298,19 @@ pub unsafe extern "C" fn trz_prim_set_pick_id(
     unsafe { edit(session, prim, || Ok(Edit::PickId(prim_id))) }
 }
 
+/// Tells that all edits of a prim have been queued: it may be translated and diced right away, on the
+/// session's threads, while the host goes on with others. A hint that changes nothing but when the work
+/// is done; edits that come later are as good as before. Worth it where the active camera and the
+/// settings have been queued before, and each prim's edits follow each other.
+///
+/// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_NOT_FOUND, TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_POISONED.
+/// Threads: any.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trz_prim_complete(session: *mut trz_session, prim: trz_id) -> trz_result {
+    // SAFETY: the caller passes null or a live session.
+    unsafe { with_session(session, |session| Ok(session.complete(PrimId(prim))?)) }
+}
+
 /// Queues the removal of a prim or camera. Its id is not found any more from now on.
 ///
 /// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_NOT_FOUND, TRZ_ERROR_POISONED. Threads: any.

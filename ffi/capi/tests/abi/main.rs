@@ -2,6 +2,7 @@
 
 #![allow(unsafe_code)]
 
+mod ahead;
 mod arguments;
 mod files;
 mod lifecycle;

@@ -50,6 +50,7 @@ fn null_session() {
         trz_statistics_get(s, null_mut());
         trz_explain(s, null_mut(), 0, &mut 0);
         trz_scene_dump(s, null_mut(), 0, &mut 0);
+        trz_prim_complete(s, 1);
         trz_aov_describe(s, c"color".as_ptr(), null_mut());
         trz_aov_read(s, c"color".as_ptr(), null_mut(), 0);
         trz_image_write(s, c"/tmp/a".as_ptr(), null());

@@ -1,0 +1,65 @@
+//! Prims prepared before their scene is complete: a host that reads its scene prim by prim hands each
+//! one on as soon as it has read it, and the reading, translating and dicing overlap.
+
+use std::collections::HashMap;
+use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use super::objects::prepare_prim;
+use super::prepare::{View, same_dicing};
+use super::prepared::CacheEntry;
+use crate::scene::{PrimDesc, PrimId, Scene};
+use crate::surface::SubdivisionFactory;
+
+/// Prims prepared for one camera and settings. Shared by the threads that add to it.
+#[derive(Debug)]
+pub struct Ahead {
+    view: View,
+    entries: Mutex<HashMap<PrimId, CacheEntry>>,
+}
+
+impl Ahead {
+    /// For the camera and settings of `scene`, whose prims do not matter; `None` where nothing can be
+    /// prepared for them: then [`super::prepare`] will say why.
+    pub fn new(scene: &Scene) -> Option<Self> {
+        let view = View::new(scene, &mut Vec::new()).ok()?;
+        Some(Self {
+            view,
+            entries: Mutex::default(),
+        })
+    }
+
+    /// Prepares one prim, on the calling thread's rayon pool. What `cancel` interrupts is not kept.
+    pub fn prepare(
+        &self,
+        id: PrimId,
+        desc: &Arc<PrimDesc>,
+        factory: &dyn SubdivisionFactory,
+        cancel: &AtomicBool,
+    ) {
+        if !desc.common.visible {
+            return;
+        }
+        let objects = prepare_prim(desc, &self.view.context(factory, cancel));
+        if cancel.load(std::sync::atomic::Ordering::Relaxed) {
+            return;
+        }
+        let entry = CacheEntry {
+            desc: Arc::clone(desc),
+            objects: Arc::new(objects),
+        };
+        let mut entries = self.entries.lock().unwrap_or_else(PoisonError::into_inner);
+        entries.insert(id, entry);
+    }
+
+    /// Takes the entries out, where they were prepared for `view`.
+    pub(super) fn take_for(&self, view: &View) -> HashMap<PrimId, CacheEntry> {
+        let own = &self.view;
+        let mut entries = self.entries.lock().unwrap_or_else(PoisonError::into_inner);
+        let entries = std::mem::take(&mut *entries);
+        match same_dicing(own.shutter, &own.camera_desc, &own.settings, view) {
+            true => entries,
+            false => HashMap::new(),
+        }
+    }
+}
