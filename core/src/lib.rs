@@ -3,7 +3,7 @@
 //! Data flow, in the order of the modules:
 //!
 //! `scene` (what hosts describe) -> `motion` (samples resolved to the shutter) -> `surface` (limit
-//! surfaces) -> `dice` (raster-space rates, watertight lattices) -> `grid` (diced micropolygons) ->
+//! surfaces), `curve` -> `dice` (raster-space rates, watertight lattices) -> `grid` (diced micropolygons) ->
 //! `bvh` (hyper-trapezoids) -> `trace` (rays with time) -> `shade` -> `film` -> `aov`.
 //!
 //! Knows nothing of USD, C++ or C types. After Hou, Qin, Li, Guo, Zhou, "Micropolygon Ray Tracing
@@ -13,6 +13,7 @@
 pub mod aov;
 pub mod bvh;
 pub mod camera;
+pub mod curve;
 pub mod diagnostics;
 pub mod dice;
 pub mod dump;

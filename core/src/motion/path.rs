@@ -23,7 +23,7 @@ pub struct PointPath {
     origin: DVec3,
     key_times: Vec<f32>,
     steps: Vec<Step>,
-    point_key_count: usize,
+    point_key_times: Vec<f32>,
 }
 
 impl PointPath {
@@ -58,7 +58,7 @@ impl PointPath {
             origin,
             key_times,
             steps,
-            point_key_count: point_key_times.len(),
+            point_key_times: point_key_times.to_vec(),
         }
     }
 
@@ -69,7 +69,38 @@ impl PointPath {
 
     /// Number of point keys that positions to map must have.
     pub fn point_key_count(&self) -> usize {
-        self.point_key_count
+        self.point_key_times.len()
+    }
+
+    /// The same path with keys at `key_times` (as [`Self::new`] takes them): what faces something needs
+    /// keys of its own. Matrices go straight between the keys there are.
+    pub fn with_keys(&self, key_times: Vec<f32>) -> Self {
+        let matrix = |&time: &f32| {
+            let (k, f) = crate::grid::locate_key(&self.key_times, time);
+            let a = self.steps[k].matrix?;
+            match self.steps.get(k + 1).and_then(|next| next.matrix) {
+                Some(b) => Some(super::transform::lerp(&a, &b, f64::from(f))),
+                None => Some(a),
+            }
+        };
+        let matrices: Vec<DAffine3> = key_times.iter().filter_map(matrix).collect();
+        Self::new(&self.point_key_times, key_times, &matrices, self.origin)
+    }
+
+    /// The point keys `(a, b)` and the fraction f that output key `k` is blended from: `(1 - f) a + f b`.
+    pub fn blend(&self, k: usize) -> (usize, usize, f64) {
+        let step = &self.steps[k];
+        (step.key, step.next, step.f)
+    }
+
+    /// Object space to the space that is traced, at output key `k`; its origin is not subtracted.
+    pub fn matrix(&self, k: usize) -> DAffine3 {
+        self.steps[k].matrix.unwrap_or(DAffine3::IDENTITY)
+    }
+
+    /// Carries object-space normals at output key `k`; the length changes.
+    pub fn normal_matrix(&self, k: usize) -> DMat3 {
+        self.steps[k].normal_matrix
     }
 
     /// Output key times.
@@ -84,7 +115,7 @@ impl PointPath {
 
     /// Maps `n` positions: `limit` is `[point key][n]`; `out` becomes `[output key][n]`.
     pub fn map_positions(&self, limit: &[Vec3], n: usize, out: &mut Vec<Vec3>) {
-        debug_assert_eq!(limit.len(), n * self.point_key_count);
+        debug_assert_eq!(limit.len(), n * self.point_key_count());
         out.clear();
         out.reserve(n * self.steps.len());
         for step in &self.steps {
@@ -113,7 +144,7 @@ impl PointPath {
     /// Maps `n` unit normals: `limit` is `[point key][n]`; `out` becomes `[output key][n]`, unit
     /// length, zero where not defined.
     pub fn map_normals(&self, limit: &[Vec3], n: usize, out: &mut Vec<Vec3>) {
-        debug_assert_eq!(limit.len(), n * self.point_key_count);
+        debug_assert_eq!(limit.len(), n * self.point_key_count());
         out.clear();
         out.reserve(n * self.steps.len());
         for step in &self.steps {
@@ -128,7 +159,7 @@ impl PointPath {
 
     /// True when the normals change between output keys (rotation, or deforming points).
     pub fn turns_normals(&self) -> bool {
-        self.point_key_count > 1
+        self.point_key_times.len() > 1
             || self.steps.windows(2).any(|w| {
                 let d = w[0].normal_matrix - w[1].normal_matrix;
                 d.to_cols_array().iter().any(|x| x.abs() > 1.0e-12)
@@ -165,6 +196,28 @@ mod tests {
         // The normal of a sphere's point on +x must follow the point to -x.
         path.map_normals(&[Vec3::X], 1, &mut out);
         assert_eq!(out, vec![-Vec3::X]);
+    }
+
+    #[test]
+    fn keys_in_between_follow_the_same_path() {
+        let shift = |x: f64| DAffine3::from_translation(DVec3::new(x, 0.0, 0.0));
+        let matrices = [shift(0.0), shift(2.0), shift(1.0)];
+        let path = PointPath::new(&[0.0, 1.0], vec![0.0, 0.5, 1.0], &matrices, DVec3::ZERO);
+        let more = path.with_keys(vec![0.0, 0.25, 0.5, 0.75, 1.0]);
+        let mut out = Vec::new();
+        more.map_positions(&[Vec3::ZERO, Vec3::Y], 1, &mut out);
+        let at = |x: f32, y: f32| Vec3::new(x, y, 0.0);
+        let want = [
+            at(0.0, 0.0),
+            at(1.0, 0.25),
+            at(2.0, 0.5),
+            at(1.5, 0.75),
+            at(1.0, 1.0),
+        ];
+        assert_eq!(out, want);
+        let still = PointPath::identity(&[0.0], DVec3::ZERO).with_keys(vec![0.0, 1.0]);
+        still.map_positions(&[Vec3::Y], 1, &mut out);
+        assert_eq!(out, [Vec3::Y, Vec3::Y]);
     }
 
     #[test]

@@ -297,6 +297,7 @@ pub(super) fn same_dicing(
         && old.window_policy == settings.window_policy
         && old.shading_rate == settings.shading_rate
         && old.max_micropolygons == settings.max_micropolygons
+        && old.curves == settings.curves
 }
 
 /// True when two descriptions of a prim give the same objects: ids and visibility do not matter.

@@ -140,7 +140,20 @@ pub enum CurveWrap {
     Pinned,
 }
 
-/// Curves (UsdGeomBasisCurves). The primvar `widths` gives diameters, `normals` turns them to
+/// What curves without normals are rendered as.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum CurveForm {
+    /// Tubes where a curve is wide on screen, else ribbons.
+    #[default]
+    Auto,
+    /// Flat ribbons that face the camera, shaded as if they were round. Instanced curves, which many
+    /// cameras' views share, are tubes all the same.
+    Ribbons,
+    /// Round tubes, closed at their ends.
+    Tubes,
+}
+
+/// Curves (UsdGeomBasisCurves). The primvar `widths` gives diameters, `normals` turns them to flat
 /// ribbons that lie across these; elementId is the curve.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CurvesDesc {
@@ -152,6 +165,8 @@ pub struct CurvesDesc {
     pub vertex_counts: Arc<Vec<i32>>,
     /// Control points.
     pub points: PointsSamples,
+    /// What they are rendered as where they have no normals; `None`: as the settings say.
+    pub form: Option<CurveForm>,
 }
 
 /// Spheres (UsdGeomPoints). The primvar `widths` gives diameters; elementId is the point.

@@ -15,8 +15,8 @@ use std::sync::Arc;
 
 pub use camera::{CameraDesc, Projection};
 pub use geometry::{
-    Axis, CurveBasis, CurveWrap, CurvesDesc, Geometry, GridsDesc, ImplicitDesc, ImplicitKind,
-    MeshDesc, PointsSamples, Rates, Samples, SpheresDesc,
+    Axis, CurveBasis, CurveForm, CurveWrap, CurvesDesc, Geometry, GridsDesc, ImplicitDesc,
+    ImplicitKind, MeshDesc, PointsSamples, Rates, Samples, SpheresDesc,
 };
 pub use prim::{InstancesDesc, Interpolation, PrimCommon, PrimDesc, PrimvarDesc, TransformSamples};
 pub use settings::{FilterKind, RenderSettings, WindowPolicy};

@@ -1,5 +1,7 @@
 //! Render settings.
 
+use super::CurveForm;
+
 /// Pixel filter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum FilterKind {
@@ -80,6 +82,8 @@ pub struct RenderSettings {
     pub lens_point: Option<[f32; 2]>,
     /// Most micropolygons that dicing may make; beyond it rates are coarsened with a warning.
     pub max_micropolygons: u64,
+    /// What curves without normals are rendered as, unless their prim says so itself.
+    pub curves: CurveForm,
     /// AOVs to render, by name; unknown names give a warning.
     pub aovs: Vec<String>,
 }
@@ -104,6 +108,7 @@ impl Default for RenderSettings {
             time_window: [0.0, 1.0],
             lens_point: None,
             max_micropolygons: 200_000_000,
+            curves: CurveForm::Auto,
             aovs: vec!["color".to_owned()],
         }
     }

@@ -18,7 +18,7 @@ pub const LARGEST_COORDINATE: f32 = 1.0e12;
 const INFINITE_SHARPNESS: f32 = 10.0;
 
 /// True for a point that arithmetic in f32 can take.
-fn usable(p: Vec3) -> bool {
+pub(super) fn usable(p: Vec3) -> bool {
     p.is_finite() && p.abs().max_element() < LARGEST_COORDINATE
 }
 
