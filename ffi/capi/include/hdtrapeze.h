@@ -121,16 +121,52 @@
 // orientation leftHanded.
 #define TRZ_ORIENTATION_LEFT_HANDED 1
 
+// type linear: the basis is not used.
+#define TRZ_BASIS_LINEAR 0
+
+// type cubic, basis bezier (USD's default).
+#define TRZ_BASIS_BEZIER 1
+
+// type cubic, basis bspline.
+#define TRZ_BASIS_BSPLINE 2
+
+// type cubic, basis catmullRom.
+#define TRZ_BASIS_CATMULL_ROM 3
+
+// type cubic, basis hermite: positions and tangents by turns.
+#define TRZ_BASIS_HERMITE 4
+
+// wrap nonperiodic (USD's default).
+#define TRZ_WRAP_NONPERIODIC 0
+
+// wrap periodic.
+#define TRZ_WRAP_PERIODIC 1
+
+// wrap pinned.
+#define TRZ_WRAP_PINNED 2
+
+// Of a prim: as the settings say. Of the settings: as TRZ_CURVES_AUTO.
+#define TRZ_CURVES_DEFAULT 0
+
+// Curves without normals are tubes where they are wide on screen, else ribbons.
+#define TRZ_CURVES_AUTO 1
+
+// They are ribbons that face the camera; instanced ones are tubes.
+#define TRZ_CURVES_RIBBONS 2
+
+// They are tubes.
+#define TRZ_CURVES_TUBES 3
+
 // One value for the prim.
 #define TRZ_INTERPOLATION_CONSTANT 0
 
-// One value a face.
+// One value a face, or a curve.
 #define TRZ_INTERPOLATION_UNIFORM 1
 
-// One value a point, linear over faces.
+// One value a point, linear over faces; of curves, one a segment end.
 #define TRZ_INTERPOLATION_VARYING 2
 
-// One value a point, smoothed with the scheme.
+// One value a point, smoothed with the scheme or basis.
 #define TRZ_INTERPOLATION_VERTEX 3
 
 // One value a face-vertex.
@@ -315,6 +351,24 @@ typedef struct trz_topology {
   size_t corner_sharpness_count;
 } trz_topology;
 
+// Basis, wrap and counts of curves. The primvar widths gives their diameters (1 where there is none),
+// normals makes flat ribbons of them that lie across these. Counts that basis and wrap cannot have
+// are found at commit.
+typedef struct trz_curves {
+  // sizeof(trz_curves).
+  uint32_t struct_size;
+  // TRZ_BASIS_*.
+  uint32_t basis;
+  // TRZ_WRAP_*.
+  uint32_t wrap;
+  // TRZ_CURVES_*: what they are rendered as where they have no normals.
+  uint32_t form;
+  // Points of each curve.
+  const int32_t *vertex_counts;
+  // Number of curves.
+  size_t curve_count;
+} trz_curves;
+
 // Grids that are already diced, object space.
 typedef struct trz_grids {
   // sizeof(trz_grids).
@@ -475,6 +529,8 @@ typedef struct trz_settings {
   uint64_t max_micropolygons;
   // TRZ_BACKEND_*.
   uint32_t backend;
+  // TRZ_CURVES_*: what curves without normals are rendered as, where their prim does not say.
+  uint32_t curves;
 } trz_settings;
 
 // How far a render is.
@@ -709,6 +765,29 @@ trz_result trz_mesh_create(struct trz_session *session, const char *path, trz_id
 trz_result trz_mesh_set_topology(struct trz_session *session,
                                  trz_id mesh,
                                  const struct trz_topology *topology);
+
+// Queues an empty prim of curves. path (UTF-8) names it in messages. Its points are set with
+// trz_prim_set_points, its widths and normals with trz_prim_set_primvar.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT (path), TRZ_ERROR_POISONED.
+// Threads: any.
+trz_result trz_curves_create(struct trz_session *session, const char *path, trz_id *out);
+
+// Queues basis, wrap and counts of a curves prim, in place of those before; everything is copied. Its
+// points stay.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
+// TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_POISONED. Threads: any.
+trz_result trz_curves_set(struct trz_session *session,
+                          trz_id curves_prim,
+                          const struct trz_curves *curves);
+
+// Queues an empty prim of spheres. path (UTF-8) names it in messages. Their centres are set with
+// trz_prim_set_points; the primvar widths gives their diameters (1 where there is none).
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT (path), TRZ_ERROR_POISONED.
+// Threads: any.
+trz_result trz_spheres_create(struct trz_session *session, const char *path, trz_id *out);
 
 // Queues an empty prim of pre-diced grids. path (UTF-8) names it in messages.
 //

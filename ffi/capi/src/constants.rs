@@ -70,13 +70,40 @@ pub const TRZ_ORIENTATION_RIGHT_HANDED: u32 = 0;
 /// orientation leftHanded.
 pub const TRZ_ORIENTATION_LEFT_HANDED: u32 = 1;
 
+/// type linear: the basis is not used.
+pub const TRZ_BASIS_LINEAR: u32 = 0;
+/// type cubic, basis bezier (USD's default).
+pub const TRZ_BASIS_BEZIER: u32 = 1;
+/// type cubic, basis bspline.
+pub const TRZ_BASIS_BSPLINE: u32 = 2;
+/// type cubic, basis catmullRom.
+pub const TRZ_BASIS_CATMULL_ROM: u32 = 3;
+/// type cubic, basis hermite: positions and tangents by turns.
+pub const TRZ_BASIS_HERMITE: u32 = 4;
+
+/// wrap nonperiodic (USD's default).
+pub const TRZ_WRAP_NONPERIODIC: u32 = 0;
+/// wrap periodic.
+pub const TRZ_WRAP_PERIODIC: u32 = 1;
+/// wrap pinned.
+pub const TRZ_WRAP_PINNED: u32 = 2;
+
+/// Of a prim: as the settings say. Of the settings: as TRZ_CURVES_AUTO.
+pub const TRZ_CURVES_DEFAULT: u32 = 0;
+/// Curves without normals are tubes where they are wide on screen, else ribbons.
+pub const TRZ_CURVES_AUTO: u32 = 1;
+/// They are ribbons that face the camera; instanced ones are tubes.
+pub const TRZ_CURVES_RIBBONS: u32 = 2;
+/// They are tubes.
+pub const TRZ_CURVES_TUBES: u32 = 3;
+
 /// One value for the prim.
 pub const TRZ_INTERPOLATION_CONSTANT: u32 = 0;
-/// One value a face.
+/// One value a face, or a curve.
 pub const TRZ_INTERPOLATION_UNIFORM: u32 = 1;
-/// One value a point, linear over faces.
+/// One value a point, linear over faces; of curves, one a segment end.
 pub const TRZ_INTERPOLATION_VARYING: u32 = 2;
-/// One value a point, smoothed with the scheme.
+/// One value a point, smoothed with the scheme or basis.
 pub const TRZ_INTERPOLATION_VERTEX: u32 = 3;
 /// One value a face-vertex.
 pub const TRZ_INTERPOLATION_FACE_VARYING: u32 = 4;

@@ -40,7 +40,7 @@ macro_rules! versioned {
 }
 
 versioned! {
-    trz_topology trz_points trz_primvar trz_instances trz_grids trz_camera trz_settings trz_progress
+    trz_topology trz_points trz_primvar trz_instances trz_curves trz_grids trz_camera trz_settings trz_progress
     trz_statistics trz_aov_desc trz_image
 }
 

@@ -80,6 +80,55 @@ pub unsafe extern "C" fn trz_mesh_set_topology(
     }
 }
 
+/// Queues an empty prim of curves. path (UTF-8) names it in messages. Its points are set with
+/// trz_prim_set_points, its widths and normals with trz_prim_set_primvar.
+///
+/// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT (path), TRZ_ERROR_POISONED.
+/// Threads: any.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trz_curves_create(
+    session: *mut trz_session,
+    path: *const c_char,
+    out: *mut trz_id,
+) -> trz_result {
+    // SAFETY: the caller passes null or valid pointers.
+    unsafe { create(session, Kind::Curves, path, out) }
+}
+
+/// Queues basis, wrap and counts of a curves prim, in place of those before; everything is copied. Its
+/// points stay.
+///
+/// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
+/// TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_POISONED. Threads: any.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trz_curves_set(
+    session: *mut trz_session,
+    curves_prim: trz_id,
+    curves: *const trz_curves,
+) -> trz_result {
+    // SAFETY: the caller passes null or valid pointers.
+    unsafe {
+        edit(session, curves_prim, || {
+            convert::curves(&input::read(curves, "curves")?).map(Edit::Curves)
+        })
+    }
+}
+
+/// Queues an empty prim of spheres. path (UTF-8) names it in messages. Their centres are set with
+/// trz_prim_set_points; the primvar widths gives their diameters (1 where there is none).
+///
+/// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT (path), TRZ_ERROR_POISONED.
+/// Threads: any.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trz_spheres_create(
+    session: *mut trz_session,
+    path: *const c_char,
+    out: *mut trz_id,
+) -> trz_result {
+    // SAFETY: the caller passes null or valid pointers.
+    unsafe { create(session, Kind::Spheres, path, out) }
+}
+
 /// Queues an empty prim of pre-diced grids. path (UTF-8) names it in messages.
 ///
 /// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT (path), TRZ_ERROR_POISONED.

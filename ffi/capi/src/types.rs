@@ -151,6 +151,26 @@ pub struct trz_instances {
     pub ids: *const i32,
 }
 
+/// Basis, wrap and counts of curves. The primvar widths gives their diameters (1 where there is none),
+/// normals makes flat ribbons of them that lie across these. Counts that basis and wrap cannot have
+/// are found at commit.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct trz_curves {
+    /// sizeof(trz_curves).
+    pub struct_size: u32,
+    /// TRZ_BASIS_*.
+    pub basis: u32,
+    /// TRZ_WRAP_*.
+    pub wrap: u32,
+    /// TRZ_CURVES_*: what they are rendered as where they have no normals.
+    pub form: u32,
+    /// Points of each curve.
+    pub vertex_counts: *const i32,
+    /// Number of curves.
+    pub curve_count: usize,
+}
+
 /// Grids that are already diced, object space.
 #[repr(C)]
 #[derive(Clone, Copy)]
@@ -259,6 +279,8 @@ pub struct trz_settings {
     pub max_micropolygons: u64,
     /// TRZ_BACKEND_*.
     pub backend: u32,
+    /// TRZ_CURVES_*: what curves without normals are rendered as, where their prim does not say.
+    pub curves: u32,
 }
 
 /// How far a render is.

@@ -85,6 +85,7 @@ fn all_layouts() -> Layouts {
             struct_size, interpolation, width, values, value_count, indices, index_count,
         }
         trz_instances { struct_size, times, sample_count, matrices, instance_count, ids }
+        trz_curves { struct_size, basis, wrap, form, vertex_counts, curve_count }
         trz_grids {
             struct_size, times, key_count, rates, elements, grid_count, positions, position_count,
         }
@@ -97,7 +98,7 @@ fn all_layouts() -> Layouts {
             struct_size, width, height, crop, pixel_aspect, window_policy, samples, shading_rate,
             filter, filter_width, seed, threads, override_shutter, shutter_open, shutter_close,
             disable_motion_blur, disable_defocus, camera_light, time_window, fix_lens, lens_point,
-            max_micropolygons, backend,
+            max_micropolygons, backend, curves,
         }
         trz_progress {
             struct_size, state, fraction, samples_done, samples_total, seconds, seconds_left,

@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use glam::{DMat4, Vec3};
 use hdtrapeze_core::scene::{
-    CameraDesc, GridsDesc, InstancesDesc, Interpolation, PointsSamples, PrimvarDesc, Projection,
-    TransformSamples,
+    CameraDesc, CurveBasis, CurveForm, CurveWrap, CurvesDesc, GridsDesc, InstancesDesc,
+    Interpolation, PointsSamples, PrimvarDesc, Projection, TransformSamples,
 };
 use hdtrapeze_core::surface::{
     BoundaryInterpolation, FaceVaryingLinear, Orientation, Scheme, TriangleRule,
@@ -130,6 +130,41 @@ pub(crate) unsafe fn points(from: &trz_points) -> Result<PointsSamples, Fault> {
             ..PointsSamples::default()
         })
     }
+}
+
+pub(crate) unsafe fn curves(from: &trz_curves) -> Result<CurvesDesc, Fault> {
+    let bases = [
+        CurveBasis::Linear,
+        CurveBasis::Bezier,
+        CurveBasis::Bspline,
+        CurveBasis::CatmullRom,
+        CurveBasis::Hermite,
+    ];
+    let wraps = [
+        CurveWrap::Nonperiodic,
+        CurveWrap::Periodic,
+        CurveWrap::Pinned,
+    ];
+    // SAFETY: as the caller promises.
+    let counts = unsafe { slice(from.vertex_counts, from.curve_count, "vertex_counts") }?;
+    Ok(CurvesDesc {
+        basis: pick(&bases, from.basis, "basis")?,
+        wrap: pick(&wraps, from.wrap, "wrap")?,
+        vertex_counts: Arc::new(copied(counts, |&c| c)?),
+        form: curve_form(from.form, "form")?,
+        ..CurvesDesc::default()
+    })
+}
+
+/// `None` stands for TRZ_CURVES_DEFAULT.
+pub(super) fn curve_form(number: u32, what: &str) -> Result<Option<CurveForm>, Fault> {
+    let forms = [
+        None,
+        Some(CurveForm::Auto),
+        Some(CurveForm::Ribbons),
+        Some(CurveForm::Tubes),
+    ];
+    pick(&forms, number, what)
 }
 
 pub(crate) unsafe fn grids(from: &trz_grids) -> Result<GridsDesc, Fault> {

@@ -1,7 +1,8 @@
 //! Render settings: every field has a range.
 
-use hdtrapeze_core::scene::{FilterKind, RenderSettings, WindowPolicy};
+use hdtrapeze_core::scene::{CurveForm, FilterKind, RenderSettings, WindowPolicy};
 
+use super::scene::curve_form;
 use super::{pick, refuse};
 use crate::constants::*;
 use crate::fault::Fault;
@@ -86,6 +87,7 @@ pub(crate) fn settings(from: &trz_settings) -> Result<RenderSettings, Fault> {
             0 => defaults.max_micropolygons,
             some => some,
         },
+        curves: curve_form(from.curves, "curves")?.unwrap_or_default(),
         aovs: defaults.aovs,
     })
 }
@@ -175,6 +177,11 @@ pub(crate) fn settings_to_c(from: &RenderSettings) -> trz_settings {
         lens_point: from.lens_point.unwrap_or_default(),
         max_micropolygons: from.max_micropolygons,
         backend: TRZ_BACKEND_AUTO,
+        curves: match from.curves {
+            CurveForm::Auto => TRZ_CURVES_AUTO,
+            CurveForm::Ribbons => TRZ_CURVES_RIBBONS,
+            CurveForm::Tubes => TRZ_CURVES_TUBES,
+        },
     }
 }
 
@@ -218,6 +225,8 @@ mod tests {
         assert!(!code(|s| s.window_policy = 9));
         assert!(!code(|s| s.backend = TRZ_BACKEND_GPU));
         assert!(!code(|s| s.backend = 3));
+        assert!(!code(|s| s.curves = 4));
+        assert!(code(|s| s.curves = TRZ_CURVES_TUBES));
         assert!(!code(|s| s.camera_light = 2));
         assert!(!code(|s| s.crop = [5, 5, 5, 9]));
         assert!(!code(|s| s.crop = [0, 0, 961, 9]));

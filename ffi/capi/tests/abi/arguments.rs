@@ -59,6 +59,20 @@ fn enums_flags_and_strings() {
             fails(trz_mesh_set_topology(s, mesh, &topology), bad);
         }
         fails(trz_prim_set_visible(s, mesh, 2), bad);
+        let curves_id = session.curves("/curves");
+        let changes: [fn(&mut trz_curves); 4] = [
+            |c| c.basis = 5,
+            |c| c.wrap = 3,
+            |c| c.form = 4,
+            |c| c.struct_size -= 1,
+        ];
+        for change in changes {
+            let mut curves = curves();
+            change(&mut curves);
+            fails(trz_curves_set(s, curves_id, &curves), bad);
+        }
+        fails(trz_curves_set(s, mesh, &curves()), bad);
+        ok(trz_curves_set(s, curves_id, &curves()));
         fails(trz_prim_set_matte(s, mesh, 2), bad);
         fails(trz_session_set_log(s, None, null_mut(), 4), bad);
         fails(trz_render_wait(s, f64::NAN, &mut 0), bad);
@@ -98,6 +112,11 @@ fn counts_that_cannot_be() {
         topology.face_vertex_counts = &4;
         topology.face_count = huge;
         fails(trz_mesh_set_topology(s, mesh, &topology), bad);
+        let mut curves = curves();
+        curves.vertex_counts = &2;
+        curves.curve_count = huge;
+        let curves_id = session.curves("/curves");
+        fails(trz_curves_set(s, curves_id, &curves), bad);
         let points = trz_points {
             struct_size: size_of::<trz_points>() as u32,
             times: &0.0,

@@ -30,6 +30,9 @@ fn null_session() {
         trz_prim_set_points(s, 1, null());
         trz_grids_create(s, c"/a".as_ptr(), &mut 0);
         trz_grids_set(s, 1, null());
+        trz_curves_create(s, c"/a".as_ptr(), &mut 0);
+        trz_curves_set(s, 1, null());
+        trz_spheres_create(s, c"/a".as_ptr(), &mut 0);
         trz_camera_create(s, c"/a".as_ptr(), &mut 0);
         trz_camera_set(s, 1, &camera);
         trz_prim_set_transform(s, 1, null(), 0);
@@ -106,6 +109,11 @@ fn null_arguments() {
         grid_count: 1,
         positions: null(),
         position_count: 4,
+    };
+    let (curves_id, spheres) = (session.curves("/curves"), session.spheres("/spheres"));
+    let curves = trz_curves {
+        curve_count: 1,
+        ..curves()
     };
     let primvar = trz_primvar {
         struct_size: size(size_of::<trz_primvar>()),
@@ -187,6 +195,13 @@ fn null_arguments() {
         trz_prim_set_points(s, mesh, &no_counts);
         trz_grids_set(s, grids, null());
         trz_grids_set(s, grids, &grid);
+        trz_curves_create(s, null(), &mut 0);
+        trz_curves_create(s, name, null_mut());
+        trz_curves_set(s, curves_id, null());
+        trz_curves_set(s, curves_id, &curves);
+        trz_spheres_create(s, null(), &mut 0);
+        trz_spheres_create(s, name, null_mut());
+        trz_prim_set_points(s, spheres, null());
         trz_camera_set(s, camera, null());
         trz_prim_set_transform(s, mesh, null(), 1);
         trz_prim_set_transform(s, mesh, &level, 1);
@@ -259,6 +274,10 @@ fn empty_arrays_need_no_pointer() {
         ok(trz_mesh_set_topology(session.0, mesh, &topology()));
         ok(trz_prim_set_points(session.0, mesh, &empty_points));
         ok(trz_grids_set(session.0, grids, &empty_grids));
+        let no_curves = session.curves("/no curves");
+        ok(trz_curves_set(session.0, no_curves, &curves()));
+        let no_spheres = session.spheres("/no spheres");
+        ok(trz_prim_set_points(session.0, no_spheres, &empty_points));
         ok(trz_prim_set_instances(session.0, mesh, &no_instances));
         ok(trz_prim_set_instances(session.0, mesh, null()));
         ok(trz_prim_set_transform(session.0, mesh, null(), 0));

@@ -82,6 +82,20 @@ impl Session {
         id
     }
 
+    pub fn curves(&self, path: &str) -> trz_id {
+        let (path, mut id) = (CString::new(path).unwrap(), 0);
+        // SAFETY: pointers to live values.
+        ok(unsafe { trz_curves_create(self.0, path.as_ptr(), &mut id) });
+        id
+    }
+
+    pub fn spheres(&self, path: &str) -> trz_id {
+        let (path, mut id) = (CString::new(path).unwrap(), 0);
+        // SAFETY: pointers to live values.
+        ok(unsafe { trz_spheres_create(self.0, path.as_ptr(), &mut id) });
+        id
+    }
+
     pub fn camera(&self, path: &str) -> trz_id {
         let (path, mut id) = (CString::new(path).unwrap(), 0);
         // SAFETY: pointers to live values.
@@ -217,6 +231,17 @@ pub fn topology() -> trz_topology {
         corner_count: 0,
         corner_sharpnesses: null(),
         corner_sharpness_count: 0,
+    }
+}
+
+pub fn curves() -> trz_curves {
+    trz_curves {
+        struct_size: size_of::<trz_curves>() as u32,
+        basis: TRZ_BASIS_LINEAR,
+        wrap: TRZ_WRAP_NONPERIODIC,
+        form: TRZ_CURVES_DEFAULT,
+        vertex_counts: null(),
+        curve_count: 0,
     }
 }
 
