@@ -156,12 +156,24 @@ def test_an_inbetween_shape_bends_the_path():
 
 def test_keys_follow_what_happens_within_the_shutter():
     stage = new_stage()
-    add_arm(stage, angles={0: (0, 0), 0.5: (0, 30), 1: (0, 0)})
+    add_arm(stage, angles={0: (0, 0), 0.3: (0, 30), 1: (0, 0)})
     read = Read(stage, "/arm/strip")
-    assert 0.5 in read.points.times
+    assert 0.3 in read.points.times
     points, _, _ = strip()
     np.testing.assert_allclose(read.world(1.0), points, atol=1e-6)
-    assert read.world(0.5)[-1, 1] > 0.9
+    assert read.world(0.3)[-1, 1] > 0.9
+
+
+def test_keys_follow_the_shape_that_is_skinned():
+    stage = new_stage()
+    mesh = add_arm(stage, angles={0: (0, 90)})
+    points = np.array(mesh.GetPointsAttr().Get())
+    for time, rise in ((0, 0.0), (0.3, 1.0), (1, 0.0)):
+        moved = (points + np.array([0, 0, rise])).astype(np.float32)
+        mesh.GetPointsAttr().Set(Vt.Vec3fArray.FromNumpy(moved), time)
+    read = Read(stage, "/arm/strip")
+    assert read.points.times == [0.0, 0.3, 1.0]
+    np.testing.assert_allclose(read.world(0.3)[:, 2], 1.0, atol=1e-6)
 
 
 # The oracle --------------------------------------------------------------------------------------
@@ -221,6 +233,8 @@ def rigid(stage):
     UsdGeom.Xformable(mesh).AddTranslateOp().Set(Gf.Vec3d(5, 0, 0))
     root = UsdGeom.Xformable.Get(stage, "/arm")
     set_samples(root.AddRotateXOp().GetAttr(), {0: 0.0, 1: 50.0})
+    skeleton = UsdGeom.Xformable.Get(stage, "/arm/skeleton")
+    set_samples(skeleton.AddRotateYOp().GetAttr(), {0: 10.0, 1: 40.0})
 
 
 def at_rest(stage):
@@ -319,6 +333,8 @@ def test_normals_turn_with_the_joints(interpolation):
     animation = UsdSkel.Animation.Get(stage, "/arm/animation")
     about_x = Gf.Quatf(Gf.Rotation(Gf.Vec3d(1, 0, 0), 40).GetQuat())
     animation.GetRotationsAttr().Set(Vt.QuatfArray([turn(0), about_x]), 0)
+    # The skeleton's space, in which normals turn, is turned back against that of the mesh.
+    UsdGeom.Xformable(mesh).AddRotateXOp().Set(15.0)
     count = 18 if interpolation == "vertex" else 32
     mesh.CreateNormalsAttr(Vt.Vec3fArray([Gf.Vec3f(0, 0, 1)] * count))
     mesh.SetNormalsInterpolation(interpolation)
