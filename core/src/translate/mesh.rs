@@ -245,7 +245,8 @@ fn keep_faces(
 }
 
 /// Points at keys across the shutter; equal keys become one. Samples that differ in length cannot be
-/// blended: one is taken, that has at least `needed` points where there is such a one.
+/// blended: the last at or before the frame is taken, of those that have at least `needed` points
+/// where there are any.
 pub fn point_keys(
     path: &str,
     samples: &PointsSamples,
@@ -256,9 +257,12 @@ pub fn point_keys(
     let count = samples.points.len().min(samples.times.len());
     let lengths = samples.points[..count].iter().map(|p| p.len());
     if lengths.clone().min() != lengths.max() {
-        // The authored topology is the frame's; so take the sample nearest to it that fits.
+        // The topology is the frame's, and holds since the sample at or before it.
         let best = (0..count).min_by(|&a, &b| {
-            let rank = |i: usize| (samples.points[i].len() < needed, samples.times[i].abs());
+            let rank = |i: usize| {
+                let (points, time) = (samples.points[i].len(), samples.times[i]);
+                (points < needed, time > 0.0, time.abs())
+            };
             rank(a)
                 .partial_cmp(&rank(b))
                 .unwrap_or(std::cmp::Ordering::Equal)
@@ -436,5 +440,22 @@ mod tests {
         let (out, warnings) = run(&mesh);
         assert_eq!(out.unwrap().points.points.len(), 1);
         assert_eq!(warnings[0].code, Code::TimeSamples);
+    }
+
+    #[test]
+    fn of_samples_that_differ_in_length_the_frames_is_taken() {
+        let mut mesh = quads(&[4], &[0, 1, 4, 3], six());
+        let later: Vec<Vec3> = six()
+            .iter()
+            .map(|p| *p + Vec3::Z)
+            .chain([Vec3::X])
+            .collect();
+        let z = |mesh: &MeshDesc| run(mesh).0.unwrap().points.points[0][0].z;
+        mesh.points.times = vec![-0.9, 0.1];
+        mesh.points.points = vec![Arc::new(six()), Arc::new(later)];
+        assert_eq!(z(&mesh), 0.0);
+        // With too few points it cannot be that one.
+        mesh.points.points[0] = Arc::new(six()[..3].to_vec());
+        assert_eq!(z(&mesh), 1.0);
     }
 }

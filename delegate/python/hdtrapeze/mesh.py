@@ -11,6 +11,7 @@ from pxr import Usd, UsdGeom
 from .log import SceneLog
 from .shutter import Shutter, bracketing_samples
 from .transforms import MAX_KEYS, TOLERANCE
+from .varying import changes_topology, points_at_frame, warn_still
 
 SCHEMES = {
     "catmullClark": "CATMULL_CLARK",
@@ -99,7 +100,7 @@ def read_mesh(prim: Usd.Prim, shutter: Shutter, log: SceneLog, before: Mesh | No
         topology = read_topology(mesh, shutter, log)
     points = before.points if before else None
     if points is None or points.varies or topology.varies:
-        points = read_points(mesh, shutter, topology.varies)
+        points = read_points(mesh, shutter, topology.varies, log)
     return Mesh(topology, points)
 
 
@@ -149,11 +150,13 @@ def read_topology(mesh: UsdGeom.Mesh, shutter: Shutter, log: SceneLog) -> Topolo
     return topology
 
 
-def read_points(mesh: UsdGeom.PointBased, shutter: Shutter, topology_varies: bool) -> Points:
+def read_points(
+    mesh: UsdGeom.PointBased, shutter: Shutter, topology_varies: bool, log: SceneLog
+) -> Points:
     """Points as authored around the shutter, or moved by their velocities where these are authored.
 
-    USD's rules: with velocities, the sample at or before the frame moves along them. Where the
-    number of points changes because the topology does, the points are those of the frame.
+    USD's rules: with velocities, the sample at or before the frame moves along them. Without, where
+    the topology changes, the points are those of the frame, with a warning that they do not move.
     """
     attribute = mesh.GetPointsAttr()
     varies = attribute.ValueMightBeTimeVarying()
@@ -162,13 +165,14 @@ def read_points(mesh: UsdGeom.PointBased, shutter: Shutter, topology_varies: boo
         return moved
     if shutter.moves:
         samples = bracketing_samples(attribute, shutter)
-        if samples:
+        if samples and not (topology_varies and changes_topology(mesh.GetPrim(), samples, shutter)):
             arrays = [_array(attribute.Get(Usd.TimeCode(time))) for time in samples]
-            same = len({len(array) for array in arrays}) == 1
-            if same or not topology_varies:
-                return Points([time - shutter.frame for time in samples], arrays, True)
-    time = shutter.time if topology_varies else shutter.code(shutter.open)
-    return Points([shutter.open], [_array(attribute.Get(time))], varies)
+            return Points([time - shutter.frame for time in samples], arrays, True)
+        if samples:
+            warn_still(mesh.GetPrim(), log)
+    if topology_varies:
+        return Points([shutter.open], [_array(points_at_frame(mesh.GetPrim(), shutter))], varies)
+    return Points([shutter.open], [_array(attribute.Get(shutter.code(shutter.open)))], varies)
 
 
 def _by_velocities(mesh: UsdGeom.PointBased, shutter: Shutter) -> Points | None:

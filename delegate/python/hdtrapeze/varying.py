@@ -1,0 +1,61 @@
+"""Points whose number or order changes in time: which of their samples belong together.
+
+Topology has no values between its samples: it holds from each to the next. So points of one sample
+may only be joined with those of another where both have the same topology.
+"""
+
+import numpy as np
+from pxr import Usd, UsdGeom
+
+from .log import SceneLog
+from .shutter import Shutter
+
+_TOPOLOGY = ("faceVertexCounts", "faceVertexIndices", "curveVertexCounts", "ids")
+
+
+def changes_topology(prim: Usd.Prim, samples: list[float], shutter: Shutter) -> bool:
+    """Whether points or topology at any of `samples` do not belong to those of the frame."""
+    points = UsdGeom.PointBased(prim).GetPointsAttr()
+    count = len(_at_frame(points, shutter))
+    if any(len(points.Get(time) or ()) != count for time in samples):
+        return True
+    for name in _TOPOLOGY:
+        attribute = prim.GetAttribute(name)
+        if attribute and attribute.ValueMightBeTimeVarying():
+            held = _before(attribute, shutter.frame)
+            others = {_before(attribute, time) for time in samples} - {held}
+            frames = attribute.Get(shutter.time)
+            if any(attribute.Get(time) != frames for time in others):
+                return True
+    return False
+
+
+def points_at_frame(prim: Usd.Prim, shutter: Shutter) -> np.ndarray | None:
+    """Points that belong to the topology of the frame; None where there are none."""
+    points = UsdGeom.PointBased(prim).GetPointsAttr()
+    if shutter.frame is None:
+        return points.Get(shutter.time)
+    around = points.GetBracketingTimeSamples(shutter.frame)
+    if len(around) == 2 and changes_topology(prim, list(around), shutter):
+        return _at_frame(points, shutter)
+    return points.Get(shutter.time)
+
+
+def warn_still(prim: Usd.Prim, log: SceneLog) -> None:
+    """That there is no blur."""
+    text = (
+        "its topology changes within the shutter and it has no velocities that fit: "
+        "its points do not move"
+    )
+    log.warn(prim.GetPath(), "varying-topology", text)
+
+
+def _before(attribute: Usd.Attribute, time: float) -> float:
+    """The sample that holds at `time`."""
+    around = attribute.GetBracketingTimeSamples(time)
+    return around[0] if around else time
+
+
+def _at_frame(points: Usd.Attribute, shutter: Shutter):
+    """The sample at or before the frame: it came with the topology that holds."""
+    return points.Get(_before(points, shutter.frame)) or ()
