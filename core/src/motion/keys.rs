@@ -23,6 +23,21 @@ impl Shutter {
         self.close <= self.open
     }
 
+    /// The times of the motion that is seen while this shutter is open, where the motion's blur is
+    /// scaled (motion:blurScale): `scale` times as far from the frame. 0 is the frame's own instant.
+    #[must_use]
+    pub fn scaled(self, scale: f64) -> Self {
+        Self {
+            open: self.open * scale,
+            close: self.close * scale,
+        }
+    }
+
+    /// The time code at `time` in [0, 1] across the shutter.
+    pub fn time_code(&self, time: f64) -> f64 {
+        self.open * (1.0 - time) + self.close * time
+    }
+
     /// Time code to [0, 1] across the shutter (not clamped); 0 when still.
     pub fn normalize(&self, time_code: f64) -> f64 {
         if self.is_still() {

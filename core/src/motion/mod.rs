@@ -2,11 +2,13 @@
 //!
 //! Hosts give samples at any times, in time codes relative to the frame. [`keys`] turns a set of
 //! samples into keys on [0, 1] across the shutter (sorted, de-duplicated, interpolated at open and
-//! close; one key where nothing changes). [`path`] composes transforms and points: a point's path is
+//! close; one key where nothing changes). [`rates`] moves one sample on by velocities and the like.
+//! [`path`] composes transforms and points: a point's path is
 //! M(t) p(t), M interpolated as a matrix, p linearly.
 
 pub mod keys;
 pub mod path;
+pub mod rates;
 pub mod transform;
 
 pub use keys::{Shutter, Timeline};

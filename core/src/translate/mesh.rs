@@ -7,20 +7,13 @@
 use glam::Vec3;
 
 use crate::diagnostics::{Code, Warning};
+pub use crate::motion::rates::{LARGEST_COORDINATE, usable};
 use crate::motion::{Shutter, Timeline};
 use crate::scene::{MeshDesc, PointsSamples};
 use crate::surface::{Crease, MeshTopology};
 
-/// Largest usable coordinate: squares and products of a few stay inside f32.
-pub const LARGEST_COORDINATE: f32 = 1.0e12;
-
 /// Sharpness from which an edge or vertex is infinitely sharp; infinity itself is authored too.
 const INFINITE_SHARPNESS: f32 = 10.0;
-
-/// True for a point that arithmetic in f32 can take.
-pub(super) fn usable(p: Vec3) -> bool {
-    p.is_finite() && p.abs().max_element() < LARGEST_COORDINATE
-}
 
 /// A mesh that dicing can take.
 #[derive(Clone, Debug)]
