@@ -47,17 +47,21 @@ impl<B> Tree<B> {
 
 /// An item being sorted into the tree.
 #[derive(Clone, Copy, Debug)]
-struct Item {
-    bounds: LinearBox,
-    id: u32,
+pub struct Item {
+    /// Finite.
+    pub bounds: LinearBox,
+    /// Below 2^31.
+    pub id: u32,
 }
 
 /// Builds the tree over boxes `(id, box)`; ids are below 2^31 and every box is finite.
 pub fn build<B: Bounds8>(boxes: impl IntoIterator<Item = (u32, LinearBox)>) -> Tree<B> {
-    let mut items: Vec<Item> = boxes
-        .into_iter()
-        .map(|(id, bounds)| Item { bounds, id })
-        .collect();
+    let items = boxes.into_iter().map(|(id, bounds)| Item { bounds, id });
+    build_items(items.collect())
+}
+
+/// Builds the tree over `items`, which are sorted in place.
+pub fn build_items<B: Bounds8>(mut items: Vec<Item>) -> Tree<B> {
     let mut nodes = Vec::new();
     let root = match items.len() {
         0 => Tree::<B>::EMPTY,

@@ -7,7 +7,7 @@
 
 use glam::{DVec2, DVec3};
 
-use super::instance::Place;
+use super::places::Places;
 use super::{Hit, Ray, World, world::clamp_time};
 use crate::bvh::U;
 
@@ -46,14 +46,12 @@ fn each_cell(world: &World, ray: &Ray, mut f: impl FnMut(u32, u32, u32, f64, [DV
     let time = clamp_time(ray.time);
     let reach = f64::from(ray.origin.abs().max_element()) + f64::from(world.radius());
     for number in 0..world.instance_count() as u32 {
-        let instance = &world.instances[number as usize];
-        if matches!(instance.place, Place::Nowhere) {
-            continue;
-        }
-        let mesh = instance.object.mesh();
-        let m = instance.place.to_world(time);
-        let condition = match instance.place {
-            Place::Translation(_) => 1.0,
+        let (set, i) = world.find(number);
+        let set = &set.set;
+        let mesh = set.object().mesh();
+        let m = set.to_world(i, time, world.origin);
+        let condition = match set.places {
+            Places::Translated(_) => 1.0,
             _ => condition(&m.matrix3),
         };
         let tolerance = TOLERANCE * condition * reach;

@@ -218,8 +218,7 @@ mod tests {
     use super::*;
 
     fn ray(origin: Vec3, dir: Vec3) -> CellRay {
-        let r = ObjectRay::new(origin, dir, 0.0, 1.0, super::super::object_ray::SLAB_PAD)
-            .expect("a sound ray");
+        let r = ObjectRay::new(origin, dir, 0.0, 1.0).expect("a sound ray");
         CellRay::new(&r, &[0.0])
     }
 

@@ -9,12 +9,14 @@ pub mod brute;
 pub mod cell;
 pub mod instance;
 pub mod object_ray;
+pub mod places;
 pub mod shading;
 mod traverse;
 pub mod world;
 
 pub use instance::InstanceTransform;
-pub use world::{World, WorldInstance, WorldStats};
+pub use places::InstanceSet;
+pub use world::{World, WorldInstance, WorldSet, WorldStats};
 
 use glam::Vec3;
 

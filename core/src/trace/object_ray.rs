@@ -55,10 +55,17 @@ pub struct ObjectRay {
 }
 
 impl ObjectRay {
-    /// Prepares a ray against an object of `radius`; `pad_scale` is [`SLAB_PAD`] or more. None for
-    /// a ray that is not finite, has no direction, or is beyond the limits.
+    /// Prepares a ray against an object of `radius`. None for a ray that is not finite, has no
+    /// direction, or is beyond the limits.
     #[inline]
-    pub fn new(origin: Vec3, dir: Vec3, time: f32, radius: f32, pad_scale: f32) -> Option<Self> {
+    pub fn new(origin: Vec3, dir: Vec3, time: f32, radius: f32) -> Option<Self> {
+        let pad = (origin.abs().max_element() + radius) * SLAB_PAD;
+        Self::padded(origin, dir, time, pad)
+    }
+
+    /// Prepares a ray whose slab tests are padded by `pad`, which is no less than [`ObjectRay::new`]'s.
+    #[inline]
+    pub fn padded(origin: Vec3, dir: Vec3, time: f32, pad: f32) -> Option<Self> {
         let reach = origin.abs().max_element();
         let longest = dir.abs().max_element();
         // Written so that NaN fails; NaN in one component may pass a maximum, so all are asked.
@@ -69,7 +76,6 @@ impl ObjectRay {
         if !sound {
             return None;
         }
-        let pad = (reach + radius) * pad_scale;
         let smallest_dir = longest * U;
         Some(Self {
             origin,

@@ -6,7 +6,7 @@
 use glam::{DVec3, Vec3};
 
 use super::instance::normal_matrix;
-use super::world::{Instance, World, clamp_time};
+use super::world::{Numbered, World, clamp_time};
 use super::{Hit, Ray};
 use crate::bvh::ObjectGeometry;
 use crate::grid::{DicedMesh, lerp_position, locate_key, octahedral};
@@ -21,18 +21,24 @@ pub fn corner_weights(u: f32, v: f32) -> [f32; 4] {
 }
 
 impl World {
-    fn hit_instance(&self, hit: &Hit) -> Option<&Instance> {
-        self.instances.get(hit.instance as usize)
+    fn hit_instance(&self, hit: &Hit) -> Option<(&Numbered, usize)> {
+        let known = (hit.instance as usize) < self.instance_count();
+        known.then(|| self.find(hit.instance))
     }
 
     /// The object that was hit.
     pub fn object(&self, hit: &Hit) -> Option<&ObjectGeometry> {
-        self.hit_instance(hit).map(|i| &*i.object)
+        self.hit_instance(hit).map(|(set, _)| &**set.set.object())
     }
 
-    /// The caller's number of the instance that was hit.
+    /// The caller's number of the set of the instance that was hit.
     pub fn user(&self, hit: &Hit) -> Option<u32> {
-        self.hit_instance(hit).map(|i| i.user)
+        self.hit_instance(hit).map(|(set, _)| set.user)
+    }
+
+    /// The number of the instance that was hit, as the host knows it.
+    pub fn instance_id(&self, hit: &Hit) -> Option<i32> {
+        self.hit_instance(hit).map(|(set, i)| set.set.id(i))
     }
 
     /// The authored face that was hit.
@@ -43,37 +49,42 @@ impl World {
 
     /// The cell's corners `(i,j) (i+1,j) (i+1,j+1) (i,j+1)` at `time`.
     pub fn cell_vertices(&self, hit: &Hit, time: f32) -> Option<[Vec3; 4]> {
-        let instance = self.hit_instance(hit)?;
+        let (set, i) = self.hit_instance(hit)?;
         let time = clamp_time(time);
-        let p = cell_positions(instance.object.mesh(), hit, time)?;
-        let m = instance.place.to_world(time);
+        let p = cell_positions(set.set.object().mesh(), hit, time)?;
+        let m = set.set.to_world(i, time, self.origin);
         Some(p.map(|p| m.transform_point3(p.as_dvec3()).as_vec3()))
     }
 
     /// Where the point that was hit is at `time`: at the ray's own time, the hit point, on the surface
     /// rather than on the ray.
     pub fn position(&self, hit: &Hit, time: f32) -> Option<Vec3> {
-        let instance = self.hit_instance(hit)?;
+        let (set, i) = self.hit_instance(hit)?;
         let time = clamp_time(time);
-        let p = cell_positions(instance.object.mesh(), hit, time)?;
+        let p = cell_positions(set.set.object().mesh(), hit, time)?;
         let w = corner_weights(hit.u, hit.v);
         let p = (0..4).fold(DVec3::ZERO, |s, i| s + p[i].as_dvec3() * f64::from(w[i]));
-        Some(instance.place.to_world(time).transform_point3(p).as_vec3())
+        Some(
+            set.set
+                .to_world(i, time, self.origin)
+                .transform_point3(p)
+                .as_vec3(),
+        )
     }
 
     /// Unit normal of the triangle that was hit, at `time`, in the direction of `dP/du x dP/dv` of the
     /// lattice (carried through mirroring transforms, so that it keeps its side). Zero for a
     /// triangle without area.
     pub fn geometric_normal(&self, hit: &Hit, time: f32) -> Option<Vec3> {
-        let instance = self.hit_instance(hit)?;
+        let (set, i) = self.hit_instance(hit)?;
         let time = clamp_time(time);
-        let p = cell_positions(instance.object.mesh(), hit, time)?.map(Vec3::as_dvec3);
+        let p = cell_positions(set.set.object().mesh(), hit, time)?.map(Vec3::as_dvec3);
         let n = if hit.u >= hit.v {
             (p[1] - p[0]).cross(p[2] - p[0])
         } else {
             (p[2] - p[0]).cross(p[3] - p[0])
         };
-        let m = instance.place.to_world(time);
+        let m = set.set.to_world(i, time, self.origin);
         // Scaled first: areas of small cells must not underflow.
         let n = n.normalize_or_zero();
         Some(
@@ -86,8 +97,8 @@ impl World {
     /// Unit shading normal at `time`, interpolated between keys and over the cell; the geometric one
     /// where the mesh stores none, or where the stored ones cancel.
     pub fn shading_normal(&self, hit: &Hit, time: f32) -> Option<Vec3> {
-        let instance = self.hit_instance(hit)?;
-        let mesh = instance.object.mesh();
+        let (set, i) = self.hit_instance(hit)?;
+        let mesh = set.set.object().mesh();
         let time = clamp_time(time);
         if mesh.normal_key_count == 0 {
             return self.geometric_normal(hit, time);
@@ -114,7 +125,7 @@ impl World {
             };
             sum + n * w[i]
         });
-        let m = instance.place.to_world(time);
+        let m = set.set.to_world(i, time, self.origin);
         let n = (normal_matrix(&m.matrix3) * n.as_dvec3()).normalize_or_zero();
         if n == DVec3::ZERO {
             self.geometric_normal(hit, time)

@@ -3,15 +3,17 @@
 use std::cell::Cell;
 use std::sync::Arc;
 
-use glam::DVec3;
+use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 
-use super::instance::{INSTANCE_PAD, InstanceTransform, Place, Placed};
+use super::instance::{Bounded, INSTANCE_PAD, InstanceTransform, NEAR_CONDITION};
 use super::object_ray::{ObjectRay, SLAB_PAD};
+use super::places::InstanceSet;
 use super::traverse::{Query, Stack, trace_object, walk};
 use super::{Hit, Ray, TraceCounts};
+use crate::bvh::build::{Item, build_items};
 use crate::bvh::object::Blas;
-use crate::bvh::{Bounds8, BvhStats, LinearSlabs, ObjectGeometry, StaticSlabs, Tree, build};
+use crate::bvh::{Bounds8, BvhStats, LinearBox, LinearSlabs, ObjectGeometry, StaticSlabs, Tree};
 
 /// One appearance of an object.
 #[derive(Clone, Debug)]
@@ -24,11 +26,20 @@ pub struct WorldInstance {
     pub user: u32,
 }
 
-/// An instance as traced.
+/// A set of instances in a world.
 #[derive(Clone, Debug)]
-pub(super) struct Instance {
-    pub object: Arc<ObjectGeometry>,
-    pub place: Place,
+pub struct WorldSet {
+    /// The instances.
+    pub set: Arc<InstanceSet>,
+    /// Any number of the caller's.
+    pub user: u32,
+}
+
+/// A set as traced: its instances are numbered from `first`.
+#[derive(Clone, Debug)]
+pub(super) struct Numbered {
+    pub set: Arc<InstanceSet>,
+    pub first: u32,
     pub user: u32,
 }
 
@@ -41,16 +52,23 @@ enum TopTree {
 /// Everything rays can hit.
 #[derive(Clone, Debug)]
 pub struct World {
-    pub(super) instances: Vec<Instance>,
+    pub(super) sets: Vec<Numbered>,
+    /// The set of each instance.
+    set_of: Vec<u32>,
     top: TopTree,
-    origin: DVec3,
+    pub(super) origin: DVec3,
     /// Bounds every instance's bounds, translation, and `|M| radius`.
     radius: f32,
-    /// Pad of the top tree per unit of `|origin| + radius`, for rays that start beyond the radius.
-    far_pad: f32,
+    /// Largest condition of a transform.
+    condition: f32,
     /// Instances that cannot be hit.
     left_out: u64,
 }
+
+/// Why a world cannot be built.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("no memory for {0} instances")]
+pub struct WorldError(pub u64);
 
 /// Numbers about a world.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -77,50 +95,113 @@ thread_local! {
 }
 
 impl World {
-    /// Builds the tree over instances, in parallel. Rays and answers are relative to `world_origin`,
-    /// which is best near the camera. Instance numbers of hits are positions in `instances`.
+    /// A world of instances with a set each, for few of them. Instance numbers of hits are positions in
+    /// `instances`; for the rest see [`World::new`].
+    ///
+    /// # Panics
+    /// No memory.
     pub fn build(instances: Vec<WorldInstance>, world_origin: DVec3) -> World {
-        let placed: Vec<Placed> = instances
-            .par_iter()
-            .with_min_len(256)
-            .map(|i| Placed::new(&i.object, &i.transform, world_origin))
-            .collect();
-        let radius = placed.iter().fold(0.0f32, |r, p| r.max(p.reach));
-        let condition = placed.iter().fold(1.0f32, |c, p| c.max(p.condition));
-        let boxes: Vec<_> = placed
-            .par_iter()
-            .enumerate()
-            .filter(|(_, p)| !matches!(p.place, Place::Nowhere))
-            .map(|(i, p)| {
-                // For rays that start inside the radius: `|origin| + R <= 2 R`.
-                let pad = INSTANCE_PAD * p.condition * 2.0 * radius;
-                (i as u32, p.bounds.widen(pad))
-            })
-            .collect();
-        let left_out = (placed.len() - boxes.len()) as u64;
-        let top = if boxes.iter().all(|(_, b)| b.is_static()) {
-            TopTree::Static(build::build(boxes))
-        } else {
-            TopTree::Moving(build::build(boxes))
-        };
-        let instances = instances
-            .into_iter()
-            .zip(placed)
-            .map(|(i, p)| Instance {
-                object: i.object,
-                place: p.place,
+        let set = |i: WorldInstance| {
+            let mut set = match &i.transform {
+                InstanceTransform::Moving { key_times, .. } if key_times.len() > 1 => {
+                    InstanceSet::moving(i.object, key_times, 1)
+                }
+                InstanceTransform::Translation(_) => InstanceSet::translated(i.object, 1),
+                _ => InstanceSet::fixed(i.object, 1),
+            }
+            .expect("memory for one instance");
+            let keys = set.key_times().map_or(1, <[f32]>::len);
+            match i.transform {
+                InstanceTransform::Translation(by) => {
+                    set.push(&[DAffine3::from_translation(by)], 0);
+                }
+                InstanceTransform::Static(m) => set.push(&[m], 0),
+                InstanceTransform::Moving { mut matrices, .. } => {
+                    matrices.resize(keys, DAffine3::NAN);
+                    set.push(&matrices, 0);
+                }
+            }
+            WorldSet {
+                set: Arc::new(set),
                 user: i.user,
+            }
+        };
+        let sets = instances.into_iter().map(set).collect();
+        Self::new(sets, world_origin).expect("memory for the instances")
+    }
+
+    /// Builds the tree over all instances, in parallel. Rays and answers are relative to
+    /// `world_origin`, which is best near the camera. Instances are numbered set by set.
+    ///
+    /// # Errors
+    /// More instances than there is memory or numbers for.
+    pub fn new(sets: Vec<WorldSet>, world_origin: DVec3) -> Result<World, WorldError> {
+        let total: u64 = sets.iter().map(|s| s.set.len() as u64).sum();
+        let error = WorldError(total);
+        if total >= u64::from(Tree::<StaticSlabs>::LEAF) {
+            return Err(error);
+        }
+        let mut set_of: Vec<u32> = Vec::new();
+        let mut items: Vec<Item> = Vec::new();
+        let total = total as usize;
+        set_of.try_reserve_exact(total).map_err(|_| error)?;
+        items.try_reserve_exact(total).map_err(|_| error)?;
+        let mut numbered: Vec<Numbered> = Vec::with_capacity(sets.len());
+        for (s, WorldSet { set, user }) in sets.into_iter().enumerate() {
+            let first = set_of.len() as u32;
+            set_of.resize(set_of.len() + set.len(), s as u32);
+            numbered.push(Numbered { set, first, user });
+        }
+        let bounded = |i: usize, scratch: &mut Vec<DAffine3>| {
+            let set = &numbered[set_of[i] as usize];
+            Bounded::new(&set.set, i - set.first as usize, world_origin, scratch)
+        };
+        let (reach, condition) = (0..total)
+            .into_par_iter()
+            .with_min_len(1024)
+            .map_init(Vec::new, |scratch, i| {
+                bounded(i, scratch).map_or((0.0, 1.0), |b| (b.reach, b.condition))
             })
-            .collect();
-        World {
-            instances,
+            .reduce(|| (0.0f32, 1.0f32), |a, b| (a.0.max(b.0), a.1.max(b.1)));
+        // Bounds are found a second time rather than kept: they are as large as the tree.
+        (0..total)
+            .into_par_iter()
+            .with_min_len(1024)
+            .map_init(Vec::new, |scratch, i| {
+                let bounds = bounded(i, scratch).map(|b| b.bounds.widen(b.pad(reach)));
+                Item {
+                    bounds: bounds.unwrap_or(LinearBox::EMPTY),
+                    id: i as u32,
+                }
+            })
+            .collect_into_vec(&mut items);
+        items.retain(|item| item.bounds != LinearBox::EMPTY);
+        let left_out = (total - items.len()) as u64;
+        let radius = items
+            .par_iter()
+            .map(|item| item.bounds.max_abs())
+            .reduce(|| reach, f32::max);
+        let top = if items.iter().all(|item| item.bounds.is_static()) {
+            TopTree::Static(build_items(items))
+        } else {
+            TopTree::Moving(build_items(items))
+        };
+        Ok(World {
+            sets: numbered,
+            set_of,
             top,
             origin: world_origin,
-            // The widened boxes are what slabs are stored from.
-            radius: radius * (1.0 + 4.0 * INSTANCE_PAD * condition),
-            far_pad: SLAB_PAD + INSTANCE_PAD * condition,
+            radius,
+            condition,
             left_out,
-        }
+        })
+    }
+
+    /// Set and number in it of an instance.
+    #[inline]
+    pub(super) fn find(&self, instance: u32) -> (&Numbered, usize) {
+        let set = &self.sets[self.set_of[instance as usize] as usize];
+        (set, (instance - set.first) as usize)
     }
 
     /// Bounds the magnitude of every coordinate of every instance, translations and `|M| radius`
@@ -136,7 +217,7 @@ impl World {
 
     /// Number of instances.
     pub fn instance_count(&self) -> usize {
-        self.instances.len()
+        self.set_of.len()
     }
 
     /// The nearest hit between `t_min` and `t_max`, both inclusive. A ray that is not finite, has no
@@ -208,9 +289,14 @@ impl World {
         counts: &mut TraceCounts,
     ) {
         let time = clamp_time(ray.time);
-        let far = ray.origin.abs().max_element() > self.radius;
-        let pad = if far { self.far_pad } else { SLAB_PAD };
-        let Some(world_ray) = ObjectRay::new(ray.origin, ray.dir, time, self.radius, pad) else {
+        let reach = ray.origin.abs().max_element();
+        let worst = if reach > self.radius {
+            self.condition
+        } else {
+            NEAR_CONDITION
+        };
+        let pad = SLAB_PAD * (reach + self.radius) + INSTANCE_PAD * worst * reach;
+        let Some(world_ray) = ObjectRay::padded(ray.origin, ray.dir, time, pad) else {
             return;
         };
         stack.clear();
@@ -221,13 +307,10 @@ impl World {
             stack,
             counts,
             |item, query, stack, counts| {
-                let instance = &self.instances[item as usize];
-                let Some((origin, dir)) = instance.place.to_object(ray.origin, ray.dir, time)
-                else {
-                    return;
-                };
-                let object = &*instance.object;
-                let Some(ray) = ObjectRay::new(origin, dir, time, object.radius(), SLAB_PAD) else {
+                let (Numbered { set, .. }, i) = self.find(item);
+                let (origin, dir) = set.to_object(i, ray.origin, ray.dir, time, self.origin);
+                let object = &**set.object();
+                let Some(ray) = ObjectRay::new(origin, dir, time, object.radius()) else {
                     return;
                 };
                 let mesh = object.mesh();
@@ -243,27 +326,32 @@ impl World {
         );
     }
 
-    /// Numbers about the world; walks all instances.
+    /// Numbers about the world.
     pub fn stats(&self) -> WorldStats {
         let mut objects: Vec<&Arc<ObjectGeometry>> =
-            self.instances.iter().map(|i| &i.object).collect();
+            self.sets.iter().map(|s| s.set.object()).collect();
         objects.sort_unstable_by_key(|o| Arc::as_ptr(o));
         objects.dedup_by_key(|o| Arc::as_ptr(o));
         let (top_nodes, tree_bytes) = match &self.top {
             TopTree::Static(t) => (t.nodes.len(), t.bytes()),
             TopTree::Moving(t) => (t.nodes.len(), t.bytes()),
         };
-        let places: usize = self.instances.iter().map(|i| i.place.heap_bytes()).sum();
+        let places: usize = self
+            .sets
+            .iter()
+            .map(|s| size_of::<Numbered>() + size_of::<InstanceSet>() + s.set.bytes())
+            .sum();
+        let cells = |s: &Numbered| s.set.object().stats().cells * s.set.len() as u64;
         WorldStats {
-            instances: self.instances.len() as u64,
+            instances: self.set_of.len() as u64,
             left_out: self.left_out,
             objects: objects.len() as u64,
             object: objects
                 .iter()
                 .fold(BvhStats::default(), |s, o| s.plus(o.stats())),
             top_nodes: top_nodes as u64,
-            top_bytes: (tree_bytes + places + size_of_val(self.instances.as_slice())) as u64,
-            instanced_cells: self.instances.iter().map(|i| i.object.stats().cells).sum(),
+            top_bytes: (tree_bytes + places + size_of_val(self.set_of.as_slice())) as u64,
+            instanced_cells: self.sets.iter().map(cells).sum(),
         }
     }
 }

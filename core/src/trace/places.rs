@@ -1,0 +1,277 @@
+//! Sets of instances: every appearance of one object, with what tracing needs and nothing else.
+//!
+//! A set is immutable, does not know the camera, and is shared between commits. It holds one record an
+//! instance, in absolute world space:
+//!
+//! | places | record | bytes |
+//! |---|---|---|
+//! | translated | where the object's origin is, f64 | 32 |
+//! | fixed | the same, and the inverse of the matrix, f32 | 64 |
+//! | moving | the same at every key, and the matrix there, f32 | 64 a key |
+//!
+//! **Rounding.** Matrices are rounded to f32, translations are not. The rounded matrix *is* the
+//! instance's matrix from then on: bounds, rays and shading use the same numbers, so nothing that is
+//! proven about them suffers. A fixed place rounds the inverse, because that is what rays go through,
+//! and its matrix is the inverse of that in f64. Compared with the matrix that was given, points move by
+//! at most `condition * 2^-24` of the object's size, as they would by rounding its vertices.
+
+use std::collections::TryReserveError;
+use std::sync::Arc;
+
+use glam::{DAffine3, DMat3, DVec3, Vec3};
+
+use crate::bvh::ObjectGeometry;
+use crate::grid::locate_key;
+
+/// Where one instance is, or is at a key.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Record {
+    /// World position of the mesh's origin.
+    pub origin: DVec3,
+    /// Columns of a matrix; see [`Places`].
+    linear: [f32; 9],
+    pub id: i32,
+}
+
+// One cache line.
+const _: () = assert!(size_of::<Record>() == 64);
+
+/// Where one translated instance is.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Shift {
+    pub origin: DVec3,
+    pub id: i32,
+}
+
+/// What kind of records a set has.
+#[derive(Clone, Debug)]
+pub(super) enum Places {
+    /// No matrices: rays keep their direction, and hits are as exact as untransformed ones.
+    Translated(Vec<Shift>),
+    /// Matrices are from world to object.
+    Fixed(Vec<Record>),
+    /// Matrices are from object to world, at keys (one instance after the other), straight between.
+    Moving {
+        /// Ascending in [0, 1], the first 0 and the last 1.
+        key_times: Box<[f32]>,
+        records: Vec<Record>,
+    },
+}
+
+/// All instances of one object that move in the same way.
+#[derive(Clone, Debug)]
+pub struct InstanceSet {
+    object: Arc<ObjectGeometry>,
+    pub(super) places: Places,
+}
+
+impl InstanceSet {
+    /// A set for translated instances, with room for `count`.
+    ///
+    /// # Errors
+    /// No memory for them; also below.
+    pub fn translated(object: Arc<ObjectGeometry>, count: usize) -> Result<Self, TryReserveError> {
+        let mut places = Vec::new();
+        places.try_reserve_exact(count)?;
+        let places = Places::Translated(places);
+        Ok(Self { object, places })
+    }
+
+    /// A set for instances with a matrix that does not move.
+    ///
+    /// # Errors
+    /// As above.
+    pub fn fixed(object: Arc<ObjectGeometry>, count: usize) -> Result<Self, TryReserveError> {
+        let mut records = Vec::new();
+        records.try_reserve_exact(count)?;
+        let places = Places::Fixed(records);
+        Ok(Self { object, places })
+    }
+
+    /// A set for instances with matrices at keys: ascending times in [0, 1], the first 0 and the last 1.
+    ///
+    /// # Errors
+    /// As above.
+    pub fn moving(
+        object: Arc<ObjectGeometry>,
+        key_times: &[f32],
+        count: usize,
+    ) -> Result<Self, TryReserveError> {
+        let mut records = Vec::new();
+        records.try_reserve_exact(count.saturating_mul(key_times.len()))?;
+        let places = Places::Moving {
+            key_times: key_times.into(),
+            records,
+        };
+        Ok(Self { object, places })
+    }
+
+    /// Adds an instance: `matrices` take target space (positions plus origin) to the world, one a key for
+    /// moving sets, else one. A translated set uses the translation only.
+    ///
+    /// # Panics
+    /// Another number of matrices than the set has keys.
+    pub fn push(&mut self, matrices: &[DAffine3], id: i32) {
+        assert_eq!(matrices.len(), self.key_times().map_or(1, <[f32]>::len));
+        let mesh_origin = self.object.mesh().origin;
+        let origin = |m: &DAffine3| m.transform_point3(mesh_origin);
+        let record = |m: &DAffine3, linear: &DMat3| Record {
+            origin: origin(m),
+            linear: linear.to_cols_array().map(|x| x as f32),
+            id,
+        };
+        match &mut self.places {
+            Places::Translated(shifts) => shifts.push(Shift {
+                origin: matrices[0].translation + mesh_origin,
+                id,
+            }),
+            Places::Fixed(records) => {
+                records.push(record(&matrices[0], &matrices[0].matrix3.inverse()));
+            }
+            Places::Moving { records, .. } => {
+                records.extend(matrices.iter().map(|m| record(m, &m.matrix3)));
+            }
+        }
+    }
+
+    /// What appears.
+    pub fn object(&self) -> &Arc<ObjectGeometry> {
+        &self.object
+    }
+
+    /// Number of instances.
+    pub fn len(&self) -> usize {
+        match &self.places {
+            Places::Translated(shifts) => shifts.len(),
+            Places::Fixed(records) => records.len(),
+            Places::Moving { key_times, records } => records.len() / key_times.len(),
+        }
+    }
+
+    /// True when it has no instance.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Key times of a moving set.
+    pub fn key_times(&self) -> Option<&[f32]> {
+        match &self.places {
+            Places::Moving { key_times, .. } => Some(key_times),
+            _ => None,
+        }
+    }
+
+    /// Number of instance `i` as the host knows it.
+    pub fn id(&self, i: usize) -> i32 {
+        match &self.places {
+            Places::Translated(shifts) => shifts[i].id,
+            Places::Fixed(records) => records[i].id,
+            Places::Moving { key_times, records } => records[i * key_times.len()].id,
+        }
+    }
+
+    /// Bytes on the heap, without the object's.
+    pub fn bytes(&self) -> usize {
+        match &self.places {
+            Places::Translated(shifts) => size_of::<Shift>() * shifts.capacity(),
+            Places::Fixed(records) => size_of::<Record>() * records.capacity(),
+            Places::Moving { key_times, records } => {
+                size_of::<Record>() * records.capacity() + size_of_val(&**key_times)
+            }
+        }
+    }
+
+    /// The matrix from the mesh's positions to the world relative to `world_origin`, at `time`.
+    pub(super) fn to_world(&self, i: usize, time: f32, world_origin: DVec3) -> DAffine3 {
+        match &self.places {
+            Places::Translated(shifts) => {
+                DAffine3::from_translation(shifts[i].origin - world_origin)
+            }
+            Places::Fixed(records) => records[i].inverted(world_origin),
+            Places::Moving { key_times, records } => {
+                moving_at(key_times, records, i, time, world_origin)
+            }
+        }
+    }
+
+    /// Origin and direction of a ray, relative to `world_origin`, in the object's space. Numbers that are
+    /// not finite where the matrix is singular: no ray can be prepared from them.
+    #[inline]
+    pub(super) fn to_object(
+        &self,
+        i: usize,
+        origin: Vec3,
+        dir: Vec3,
+        time: f32,
+        world_origin: DVec3,
+    ) -> (Vec3, Vec3) {
+        match &self.places {
+            Places::Translated(shifts) => {
+                let by = shifts[i].origin - world_origin;
+                ((origin.as_dvec3() - by).as_vec3(), dir)
+            }
+            Places::Fixed(records) => {
+                let record = &records[i];
+                let inverse = record.matrix();
+                let origin = origin.as_dvec3() - (record.origin - world_origin);
+                (
+                    (inverse * origin).as_vec3(),
+                    (inverse * dir.as_dvec3()).as_vec3(),
+                )
+            }
+            Places::Moving { key_times, records } => {
+                let m = moving_at(key_times, records, i, time, world_origin);
+                let inverse = m.matrix3.inverse();
+                (
+                    (inverse * (origin.as_dvec3() - m.translation)).as_vec3(),
+                    (inverse * dir.as_dvec3()).as_vec3(),
+                )
+            }
+        }
+    }
+}
+
+impl Record {
+    #[inline]
+    fn matrix(&self) -> DMat3 {
+        DMat3::from_cols_array(&self.linear.map(f64::from))
+    }
+
+    /// At a key: the matrix to the world.
+    #[inline]
+    pub(super) fn at_key(&self, world_origin: DVec3) -> DAffine3 {
+        DAffine3 {
+            matrix3: self.matrix(),
+            translation: self.origin - world_origin,
+        }
+    }
+
+    /// Of a fixed place: the matrix to the world.
+    pub(super) fn inverted(&self, world_origin: DVec3) -> DAffine3 {
+        DAffine3 {
+            matrix3: self.matrix().inverse(),
+            translation: self.origin - world_origin,
+        }
+    }
+}
+
+fn moving_at(
+    key_times: &[f32],
+    records: &[Record],
+    i: usize,
+    time: f32,
+    world_origin: DVec3,
+) -> DAffine3 {
+    let records = &records[i * key_times.len()..][..key_times.len()];
+    let (k, f) = locate_key(key_times, time);
+    let a = records[k].at_key(world_origin);
+    let b = records
+        .get(k + 1)
+        .unwrap_or(&records[k])
+        .at_key(world_origin);
+    let f = f64::from(f);
+    DAffine3 {
+        matrix3: a.matrix3 + (b.matrix3 - a.matrix3) * f,
+        translation: a.translation + (b.translation - a.translation) * f,
+    }
+}
