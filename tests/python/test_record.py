@@ -9,7 +9,7 @@ import sys
 import time
 from pathlib import Path
 
-import hdtrapeze.record
+import hdtrapeze.request
 import numpy as np
 import pytest
 from hdtrapeze.cli import main
@@ -166,7 +166,7 @@ def test_render_settings(scene, tmp_path, capsys):
         assert run("record", path, out, "--samples", 1, *flags) == 0
         text = capsys.readouterr()
         assert "/other" in text.out
-        assert "warning: /Render/settings: render products" in text.err
+        assert "warning: /Render/product: it has no productName" in text.err
         assert read_png(out).shape == (30, 60, 4)
     assert run("record", path, out, "--samples", 1, "-rs", "/Render/settings", "-w", 20) == 0
     assert read_png(out).shape == (10, 20, 4)
@@ -272,9 +272,9 @@ def test_messages_of_usd_go_through_the_log(scene, tmp_path, capfd):
         Tf.Warn("two\nlines")
         return original(*_)
 
-    original = hdtrapeze.record.find_camera
+    original = hdtrapeze.request.find_camera
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("hdtrapeze.record.find_camera", fail)
+        patch.setattr("hdtrapeze.request.find_camera", fail)
         assert run("record", scene, tmp_path / "a.png", *SMALL) == 0
         assert capfd.readouterr().err == "warning: two lines\n"
 

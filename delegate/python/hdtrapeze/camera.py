@@ -15,6 +15,7 @@ from .errors import SceneError, UsageError
 from .guard import FAULTS, fallback, number_or_fallback, reason
 from .log import SceneLog
 from .shutter import Shutter
+from .targets import prim_at, targets_of
 from .transforms import Level, TransformReader, static_level
 
 APERTURE_UNIT = 0.1
@@ -58,16 +59,25 @@ def find_camera(
     if wanted:
         return named_camera(stage, wanted)
     if settings:
-        targets = settings.GetCameraRel().GetTargets()
-        if len(targets) == 1:
-            camera = UsdGeom.Camera(stage.GetPrimAtPath(targets[0]))
-            if camera:
-                return camera
-            log.warn(settings.GetPath(), "camera", f"its camera {targets[0]} is none; ignored")
+        camera = settings_camera(settings, log)
+        if camera:
+            return camera
     try:
         return named_camera(stage, UsdUtils.GetPrimaryCameraName())
     except SceneError:
         return None
+
+
+def settings_camera(settings: UsdRender.Settings, log: SceneLog) -> UsdGeom.Camera | None:
+    """The camera of a settings prim, or None."""
+    targets = targets_of(settings.GetCameraRel(), log, one=True)
+    if not targets:
+        return None
+    camera = UsdGeom.Camera(prim_at(settings.GetPrim().GetStage(), targets[0]))
+    if camera:
+        return camera
+    log.warn(settings.GetPath(), "camera", f"its camera {targets[0]} is none; ignored")
+    return None
 
 
 def named_camera(stage: Usd.Stage, wanted: str) -> UsdGeom.Camera:

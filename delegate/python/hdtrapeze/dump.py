@@ -9,38 +9,29 @@ import sys
 import tempfile
 from pathlib import Path
 
-from .camera import find_camera
 from .errors import OutputError
 from .frames import parse_frames
 from .log import SceneLog
-from .record import apply_render_settings, make_options
 from .render import Renderer
+from .request import check_flags, make_request
 from .stage import Diagnostics, open_stage
-from .usdrender import find_render_pass, find_render_settings
 
 
 def dump(args) -> None:
     """Runs the command with parsed arguments; raises HdTrapezeError."""
     frames = parse_frames(args.frames)[0] if args.frames else None
-    options = make_options(args)
-    options.validate()
+    check_flags(args)
     log = SceneLog()
     diagnostics = Diagnostics(log)
     stage = open_stage(args.usdFilePath, args.mask, args.sessionLayer, args.resolverContext, log)
     diagnostics.report(stage)
-    render_pass = find_render_pass(stage, args.renderPassPrimPath, args.renderer is not None, log)
-    settings = find_render_settings(stage, args.renderSettingsPrimPath, render_pass, log)
-    if settings:
-        named = bool(args.renderSettingsPrimPath or args.renderPassPrimPath)
-        apply_render_settings(options, settings, args, named, log)
-        options.validate()
-    camera = find_camera(stage, options.camera, settings, log)
+    request = make_request(args, stage, log)
     if frames is None:
         frames = [None if args.defaultTime else stage.GetStartTimeCode()]
     texts = []
-    with Renderer(options, log, render_pass) as renderer:
+    with Renderer(request.options, log, request.render_pass) as renderer:
         for frame in frames:
-            renderer.load(stage, frame, camera, settings)
+            renderer.load(stage, frame, request.camera)
             diagnostics.report()
             name = "default time" if frame is None else f"frame {frame:.10g}"
             texts.append(f"{name}\n{renderer.session.dump()}")

@@ -6,15 +6,28 @@ import re
 import sys
 
 from . import errors
-from .options import AOVS, BACKENDS, FILTERS
+from .options import AOVS, BACKENDS, COMPRESSIONS, FILTERS
 
 COMPLEXITIES = {"low": 1.0, "medium": 0.7, "high": 0.5, "veryhigh": 0.25}
 """Factor on the shading rate. Subdivision surfaces are limit surfaces at every complexity."""
 
-COMPRESSIONS = ("none", "rle", "zips", "zip", "piz")
+PRECEDENCE = """who decides, first to last:
+  the image named here   flags; the RenderSettings prim; usdrecord's defaults. The prim's
+                         resolution, pixel aspect, conform policy and data window count only where
+                         -rs or -rp names it; with -w, and otherwise 960, the height follows from
+                         the camera's aspect
+  its camera             --camera; the RenderSettings prim's; the first camera named as the primary
+                         camera (main_cam); else the bounds are framed
+  render products        flags, but not -w and --camera; what the RenderProduct authors; the
+                         RenderSettings prim and its schema's fallbacks. Products of the prim that
+                         -rs or -rp names, or the stage's renderSettingsPrimPath, are written beside
+                         the image that is named here; those that agree with it share its render.
+  purposes               --purposes; includedPurposes of the RenderSettings prim; proxy
+
+"""
 
 EXIT_CODES = f"""exit codes:
-  {errors.EXIT_OK}    every frame was written
+  {errors.EXIT_OK}    every frame and product was written
   {errors.EXIT_RENDER}    the scene cannot be rendered as asked, or the renderer failed
   {errors.EXIT_USAGE}    the command is wrong
   {errors.EXIT_IO}    a file is missing, cannot be read or cannot be written
@@ -79,7 +92,7 @@ def make_parser(version: str) -> argparse.ArgumentParser:
         "record",
         help="render a USD file to an EXR or PNG, with usdrecord's flags",
         description="Renders frames of a USD file to OpenEXR or PNG. Takes usdrecord's flags.",
-        epilog=EXIT_CODES,
+        epilog=PRECEDENCE + EXIT_CODES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
@@ -121,9 +134,9 @@ def _add_usdrecord_flags(group) -> None:
     add("--mask", metavar="PRIMPATH[,...]", help="only these prims, their children and parents")
     add(
         "--purposes",
-        default="proxy",
         metavar="PURPOSE[,...]",
-        help="purposes rendered besides default: proxy, render, guide (default: proxy)",
+        help="purposes rendered besides default: proxy, render, guide (default: the render "
+        "settings' includedPurposes, else proxy)",
     )
     add("--sessionLayer", metavar="FILE", help="session layer in place of an empty one")
     add(
@@ -155,9 +168,19 @@ def _add_usdrecord_flags(group) -> None:
         help="encoding of color (default: sRGB for PNG, disabled, that is linear, for EXR)",
     )
     add("--renderer", "-r", metavar="NAME", help="only Trapeze (default: Trapeze)")
-    add("--imageWidth", "-w", type=int, metavar="PIXELS", help="width (default: 960)")
-    add("--renderPassPrimPath", "-rp", metavar="PATH", help="RenderPass prim to take settings from")
-    add("--renderSettingsPrimPath", "-rs", metavar="PATH", help="RenderSettings prim to use")
+    add("--imageWidth", "-w", type=int, metavar="PIXELS", help="width of the image (960)")
+    add(
+        "--renderPassPrimPath",
+        "-rp",
+        metavar="PATH",
+        help="RenderPass prim: its collections, and the RenderSettings of its renderSource",
+    )
+    add(
+        "--renderSettingsPrimPath",
+        "-rs",
+        metavar="PATH",
+        help="RenderSettings prim to render with (default: the stage's renderSettingsPrimPath)",
+    )
     add("--disableCameraLight", action="store_true", help="no light at the camera")
     add("--disableDrawMode", action="store_true", help="ignore draw modes of models")
     add("--disableGpu", action="store_true", help="never use the GPU")
@@ -170,8 +193,8 @@ def _add_usdrecord_flags(group) -> None:
 
 def _add_render_flags(group) -> None:
     add = group.add_argument
-    add("--samples", type=int, default=64, metavar="N", help="samples a pixel (default: 64)")
-    add("--shading-rate", type=float, default=1.0, metavar="PIXELS", help="micropolygon edge (1)")
+    add("--samples", type=int, metavar="N", help="samples a pixel (default: 64)")
+    add("--shading-rate", type=float, metavar="PIXELS", help="micropolygon edge (1)")
     add(
         "--shutter",
         type=float,
@@ -181,9 +204,9 @@ def _add_render_flags(group) -> None:
     )
     add("--no-motion-blur", action="store_true", help="everything as at the frame's own time")
     add("--no-defocus", action="store_true", help="a pinhole in place of the lens")
-    add("--filter", choices=tuple(FILTERS), default="gaussian", help="pixel filter (gaussian)")
-    add("--filter-width", type=float, default=0.0, metavar="PIXELS", help="default: the filter's")
-    add("--seed", type=int, default=0, metavar="N", help="seed of the sample patterns (0)")
+    add("--filter", choices=tuple(FILTERS), help="pixel filter (gaussian)")
+    add("--filter-width", type=float, metavar="PIXELS", help="default: the filter's")
+    add("--seed", type=int, metavar="N", help="seed of the sample patterns (0)")
     add(
         "--crop",
         type=_number,
@@ -191,8 +214,8 @@ def _add_render_flags(group) -> None:
         metavar=("X0", "Y0", "X1", "Y1"),
         help="render only this part: whole numbers are pixels, 0.0 to 1.0 fractions; y down",
     )
-    add("--threads", type=int, default=0, metavar="N", help="default: all cores")
-    add("--backend", choices=tuple(BACKENDS), default="auto", help="default: auto")
+    add("--threads", type=int, metavar="N", help="default: all cores")
+    add("--backend", choices=tuple(BACKENDS), help="default: auto")
 
 
 def _add_output_flags(group) -> None:
@@ -207,7 +230,8 @@ def _add_output_flags(group) -> None:
     pixels = group.add_mutually_exclusive_group()
     pixels.add_argument("--half", action="store_true", help="16-bit EXR pixels (default)")
     pixels.add_argument("--float", action="store_true", help="32-bit EXR pixels")
-    add("--compression", choices=COMPRESSIONS, default="zip", help="of the EXR (zip)")
+    add("--compression", choices=COMPRESSIONS, help="of EXR files (zip)")
+    add("--no-products", action="store_true", help="write only the image that is named here")
     add("--explain", action="store_true", help="print which effects are simulated, and why")
     loudness = group.add_mutually_exclusive_group()
     loudness.add_argument("--quiet", "-q", action="store_true", help="only errors")

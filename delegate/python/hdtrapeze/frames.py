@@ -2,14 +2,18 @@
 
 A frame specification is `start[:end[xstride]]`, several of them joined by commas. The output path
 then holds one placeholder: hashes, with a dot and more hashes for fractions (`###`, `###.##`).
+Names of render products also know what other delegates and their exporters write: `<F4>`, `$F4`,
+`${F4}` and `%04d`.
 """
 
+import math
 import re
 from decimal import Decimal
 
 from .errors import UsageError
 
 _PLACEHOLDER = re.compile(r"#+(?:\.#+)?")
+_WHOLE = re.compile(r"<F(\d?)>|\$F(\d?)|\$\{F(\d?)\}|%(?:0(\d+))?d")
 _NUMBER = r"([+-]?(?:\d+(?:\.\d*)?|\.\d+))"
 _SPEC = re.compile(rf"{_NUMBER}(?::{_NUMBER}(?:x{_NUMBER})?)?")
 
@@ -43,6 +47,25 @@ def parse_frames(specs: str) -> tuple[list[float], int]:
         frames += [float(code) for code in codes]
         decimals = max([decimals, *(-code.normalize().as_tuple().exponent for code in codes)])
     return frames, decimals
+
+
+def expand_frame(name: str, frame: float | None) -> str:
+    """The name with each placeholder replaced by the frame; by 0 at the default time."""
+    frame = 0.0 if frame is None else frame
+
+    def hashes(match: re.Match) -> str:
+        return _number(match[0], frame)
+
+    def whole(match: re.Match) -> str:
+        digits = next((group for group in match.groups() if group), "1")
+        return f"{math.floor(frame):0{digits}d}"
+
+    return _PLACEHOLDER.sub(hashes, _WHOLE.sub(whole, name))
+
+
+def _number(placeholder: str, frame: float) -> str:
+    decimals = len(placeholder.partition(".")[2])
+    return f"{frame:0{len(placeholder)}.{decimals}f}"
 
 
 class OutputPath:
@@ -84,5 +107,4 @@ class OutputPath:
         """The path of one frame."""
         if not self.placeholder:
             return self.path
-        number = f"{frame:0{len(self.placeholder)}.{self.decimals}f}"
-        return self.path.replace(self.placeholder, number)
+        return self.path.replace(self.placeholder, _number(self.placeholder, frame))

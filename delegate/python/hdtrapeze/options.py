@@ -1,5 +1,6 @@
 """What a render is asked for, whoever asks: the command line, a script, a test."""
 
+import math
 from dataclasses import dataclass, field
 
 from .errors import UsageError
@@ -33,6 +34,8 @@ AOVS = (
 )
 """AOVs that the renderer knows; it warns about others."""
 
+COMPRESSIONS = ("none", "rle", "zips", "zip", "piz")
+PIXEL_TYPES = ("half", "float")
 BACKENDS = {"auto": "AUTO", "cpu": "CPU", "gpu": "GPU"}
 
 
@@ -58,6 +61,9 @@ class Options:
     threads: int = 0
     crop: tuple[float, float, float, float] | None = None
     """x0, y0, x1, y1, half open, y down: pixels (all int), or fractions (float)."""
+    data_window_ndc: tuple[float, float, float, float] | None = None
+    """UsdRender's dataWindowNDC: xmin, ymin, xmax, ymax, y up, 0 to 1 is the image. A pixel whose
+    centre is inside is rendered. The crop takes its place."""
     backend: str = "auto"
     camera: str | None = None
     purposes: list[str] = field(default_factory=lambda: ["proxy"])
@@ -70,6 +76,10 @@ class Options:
     lens_point: tuple[float, float] | None = None
     """One point of the unit lens disk for every sample."""
     max_micropolygons: int | None = None
+    compression: str = "zip"
+    """Of EXR files."""
+    pixel_type: str = "half"
+    """Of EXR files: half, or float for 32 bits. Ids and depths have 32 in either."""
 
     def validate(self) -> None:
         """Raises UsageError where a value makes no sense."""
@@ -95,6 +105,19 @@ class Options:
             self.window_policy in WINDOW_POLICIES,
             f"The window policy must be one of {', '.join(WINDOW_POLICIES)}.",
         )
+        require(
+            math.isfinite(self.pixel_aspect) and self.pixel_aspect > 0,
+            "The pixel aspect ratio must be above 0.",
+        )
+        require(
+            self.max_micropolygons is None or 0 < self.max_micropolygons < 1 << 63,
+            "The micropolygons must be at least 1.",
+        )
+        for value, known, what in (
+            (self.compression, COMPRESSIONS, "compression"),
+            (self.pixel_type, PIXEL_TYPES, "pixel type"),
+        ):
+            require(value in known, f"The {what} must be one of {', '.join(known)}.")
         require(0 <= self.seed < 1 << 32, "The seed must be from 0 to 4294967295.")
         require(0 <= self.threads <= 4096, "Threads must be from 0 (all) to 4096.")
         require(bool(self.aovs), "At least one AOV must be asked for.")
@@ -112,6 +135,13 @@ class Options:
             require(0 <= x0 < x1 and 0 <= y0 < y1, "The crop must have x0 < x1 and y0 < y1.")
             if any(isinstance(value, float) for value in self.crop):
                 require(x1 <= 1 and y1 <= 1, "A crop in fractions must lie within 0 to 1.")
+        if self.data_window_ndc is not None:
+            x0, y0, x1, y1 = self.data_window_ndc
+            require(x0 < x1 and y0 < y1, "The data window must have xmin < xmax and ymin < ymax.")
+            require(
+                max(map(abs, self.data_window_ndc)) <= 100,
+                "The data window reaches absurdly far out of the image.",
+            )
 
     def resolution(self, aspect: float) -> tuple[int, int]:
         """Width and height for a camera of this aspect."""
@@ -119,12 +149,25 @@ class Options:
             return self.width, self.height
         return self.width, max(int(self.width / aspect), 1)
 
+    def shape_of_pixels(self, aspect: float, width: int, height: int) -> float:
+        """Pixel width over height: where the window does not conform, what makes up for it."""
+        if self.window_policy != "dontConform":
+            return self.pixel_aspect
+        return aspect * height / width
+
     def crop_pixels(self, width: int, height: int) -> tuple[int, int, int, int]:
         """The crop in pixels; all zero for the whole image."""
-        if self.crop is None:
+        if self.crop is None and self.data_window_ndc is not None:
+            left, bottom, right, top = self.data_window_ndc
+            # Pixel i has its centre at i + 1/2.
+            x0, x1 = max(math.ceil(left * width - 0.5), 0), math.ceil(right * width - 0.5)
+            y0, y1 = math.ceil((1.0 - top) * height - 0.5), math.ceil((1.0 - bottom) * height - 0.5)
+            y0 = max(y0, 0)
+        elif self.crop is None:
             return 0, 0, 0, 0
-        x0, y0, x1, y1 = self.crop
-        if any(isinstance(value, float) for value in self.crop):
+        else:
+            x0, y0, x1, y1 = self.crop
+        if self.crop and any(isinstance(value, float) for value in self.crop):
             x0, x1 = round(x0 * width), round(x1 * width)
             y0, y1 = round(y0 * height), round(y1 * height)
         x1, y1 = min(x1, width), min(y1, height)

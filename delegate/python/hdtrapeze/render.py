@@ -23,7 +23,7 @@ class Renderer:
 
     Use it in a `with` block, or call `close`. Frames of one stage after another are cheap: only
     what varies is read and diced again. The collections of `render_pass` say what is left out and
-    what is held out.
+    what is held out. `options` may be replaced between frames, but for purposes and draw modes.
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class Renderer:
             self.options.draw_modes,
             PassCollections(render_pass, self.log),
         )
-        self._camera_id: int | None = None
+        self._camera_ids: dict[str, int] = {}
         self.camera: CameraState | None = None
         self.resolution = (0, 0)
 
@@ -90,10 +90,11 @@ class Renderer:
             else framing_camera(stage, shutter, purposes)
         )
         self.camera = state
-        if self._camera_id is None:
-            self._camera_id = self.session.create("camera", state.path or "/framing_camera")
+        if state.path not in self._camera_ids:
+            created = self.session.create("camera", state.path or "/framing_camera")
+            self._camera_ids[state.path] = created
         # First of all, so that prims can be diced for them while others are read.
-        self.session.set_camera(self._camera_id, state)
+        self.session.set_camera(self._camera_ids[state.path], state)
         self._apply_settings()
         self._scene.sync(stage, shutter, transforms)
         if not (self._scene.mesh_count or self._scene.has_hidden):
@@ -107,7 +108,7 @@ class Renderer:
             "width": width,
             "height": height,
             "crop": options.crop_pixels(width, height),
-            "pixel_aspect": options.pixel_aspect,
+            "pixel_aspect": options.shape_of_pixels(self.camera.aspect, width, height),
             "window_policy": getattr(
                 constants, f"TRZ_WINDOW_{WINDOW_POLICIES[options.window_policy]}"
             ),

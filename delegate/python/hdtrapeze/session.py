@@ -5,6 +5,7 @@ keeps, so nothing needs to outlive a call. Calls that take long release Python's
 """
 
 import logging
+from collections.abc import Sequence
 from dataclasses import fields
 
 import numpy as np
@@ -15,6 +16,7 @@ from .errors import SceneError
 from .log import SceneLog
 from .mesh import BOUNDARIES, FACE_VARYING, ORIENTATIONS, SCHEMES, TRIANGLES, Points, Topology
 from .primvars import INTERPOLATIONS, Primvar
+from .products import RenderVar
 from .transforms import Level
 
 ffi = native.ffi
@@ -298,8 +300,10 @@ class Session:
         pixel_type: str = "HALF",
         compression: str = "ZIP",
         color: str = "LINEAR",
+        render_vars: Sequence[RenderVar] = (),
     ) -> None:
         """Writes an EXR or PNG; whatever goes wrong, a file that was there stays."""
+        arrays = _Arrays()
         value = native.new("trz_image")
         value.type = self._value("IMAGE", kind)
         value.pixel_type = self._value("PIXEL", pixel_type)
@@ -311,8 +315,27 @@ class Session:
         value.aov_count = len(names)
         value.metadata = metadata_list = ffi.new("char *[]", pairs) if pairs else ffi.NULL
         value.metadata_count = len(pairs)
+        places = arrays.keep(ffi.new("trz_render_var[]", len(render_vars)))
+        for place, var in zip(places, render_vars, strict=True):
+            _fill_var(place, var, arrays)
+        value.vars, value.var_count = places, len(render_vars)
         self._call("trz_image_write", _text(path), value)
         del aov_list, metadata_list  # alive until here
+
+    def render_var_aov(self, var: RenderVar) -> str | None:
+        """The AOV that a render var is written from; None, after a warning, where there is none."""
+        arrays = _Arrays()
+        value = ffi.new("trz_render_var *")
+        _fill_var(value, var, arrays)
+        capacity = 4096
+        buffer, needed = ffi.new("char[]", capacity), ffi.new("size_t *")
+        try:
+            self._call("trz_render_var_aov", value, buffer, capacity, needed)
+        except native.NativeError as error:
+            if error.code != self._constants.TRZ_ERROR_UNSUPPORTED:
+                raise
+            return None
+        return ffi.string(buffer).decode("utf-8", "replace")
 
     def trace_rays(self, rays: np.ndarray) -> np.ndarray:
         """Traces (n, 9) f32 rays: origin, direction, time, t_min, t_max; world space.
@@ -330,6 +353,13 @@ class Session:
             len(rays),
         )
         return hits
+
+
+def _fill_var(place, var: RenderVar, arrays: _Arrays) -> None:
+    """Fills a trz_render_var; what is empty is not authored, but for an empty prefix."""
+    for name, text in vars(var).items():
+        if text or (name == "channel_prefix" and text is not None):
+            setattr(place, name, arrays.keep(ffi.new("char[]", _text(text))))
 
 
 HIT = np.dtype(

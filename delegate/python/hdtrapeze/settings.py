@@ -1,0 +1,183 @@
+"""RenderSettings and RenderProduct prims as fields of Options.
+
+A product overrides only what it authors; the settings prim also speaks through its schema's
+fallbacks. Attributes in the namespace `trapeze` are this renderer's own (see TRAPEZE), on either
+prim. What cannot be used gives one warning with the prim's path, and is as if it were not there.
+"""
+
+import difflib
+from collections.abc import Callable
+from numbers import Integral, Real
+
+from pxr import Usd, UsdRender
+
+from .errors import UsageError
+from .guard import FAULTS, reason
+from .log import SceneLog
+from .options import Options
+
+CONFORM_POLICIES = {
+    "expandAperture": "fit",
+    "cropAperture": "crop",
+    "adjustApertureWidth": "matchVertically",
+    "adjustApertureHeight": "matchHorizontally",
+    "adjustPixelAspectRatio": "dontConform",
+}
+"""aspectRatioConformPolicy as window policies."""
+
+LINEAR_REC709 = ("lin_rec709_scene", "lin_rec709", "raw", "data", "")
+"""renderingColorSpaces that ask for no more than what is done: displayColor as it is."""
+
+
+def _integer(value) -> int:
+    if not isinstance(value, Integral) or isinstance(value, bool):
+        raise TypeError("it must be a whole number")
+    return int(value)
+
+
+def _number(value) -> float:
+    if not isinstance(value, Real) or isinstance(value, bool):
+        raise TypeError("it must be a number")
+    return float(value)
+
+
+def _flag(value) -> bool:
+    if not isinstance(value, bool):
+        raise TypeError("it must be true or false")
+    return value
+
+
+def _word(value) -> str:
+    if not isinstance(value, str):
+        raise TypeError("it must be a word")
+    return value
+
+
+def _numbers(count: int, one: Callable = _number) -> Callable:
+    def convert(value) -> tuple:
+        numbers = tuple(one(number) for number in value)
+        if len(numbers) != count:
+            raise TypeError(f"it must be {count} numbers")
+        return numbers
+
+    return convert
+
+
+def _policy(value) -> str:
+    try:
+        return CONFORM_POLICIES[value]
+    except (KeyError, TypeError):
+        raise ValueError(f"known are {', '.join(CONFORM_POLICIES)}") from None
+
+
+def _data_window(value) -> dict:
+    window = _numbers(4)(value)
+    return {"data_window_ndc": None if window == (0.0, 0.0, 1.0, 1.0) else window}
+
+
+IMAGE = {
+    "resolution": lambda v: dict(zip(("width", "height"), _numbers(2, _integer)(v), strict=True)),
+    "pixelAspectRatio": lambda v: {"pixel_aspect": _number(v)},
+    "aspectRatioConformPolicy": lambda v: {"window_policy": _policy(v)},
+    "dataWindowNDC": _data_window,
+}
+"""Attributes of the image's shape."""
+
+EFFECTS = {
+    "disableMotionBlur": lambda v: {"motion_blur": not _flag(v)},
+    "instantaneousShutter": lambda v: {"motion_blur": False} if _flag(v) else {},
+    "disableDepthOfField": lambda v: {"defocus": not _flag(v)},
+}
+"""Attributes that switch effects off. instantaneousShutter is the old disableMotionBlur."""
+
+TRAPEZE = {
+    "samples": ("samples", _integer),
+    "shadingRate": ("shading_rate", _number),
+    "filter": ("filter", _word),
+    "filterWidth": ("filter_width", _number),
+    "seed": ("seed", _integer),
+    "shutter": ("shutter", _numbers(2)),
+    "cameraLight": ("camera_light", _flag),
+    "maxMicropolygons": ("max_micropolygons", _integer),
+    "compression": ("compression", _word),
+    "pixelType": ("pixel_type", _word),
+}
+"""trapeze:NAME, the field of Options that it sets, and how its value is read."""
+
+
+def image_values(prim: UsdRender.SettingsBase, log: SceneLog, fallbacks: bool = False) -> dict:
+    """The image's shape; with `fallbacks` also what the schema says where nothing is authored."""
+    return _read(prim, IMAGE, log, fallbacks)
+
+
+def effect_values(prim: UsdRender.SettingsBase, log: SceneLog) -> dict:
+    """Effects that are switched off, and the renderer's own settings."""
+    return _read(prim, EFFECTS, log, False) | _trapeze_values(prim.GetPrim(), log)
+
+
+def purpose_values(settings: UsdRender.Settings, log: SceneLog) -> dict:
+    """includedPurposes, where they are authored."""
+
+    def convert(value) -> dict:
+        return {"purposes": [_word(purpose) for purpose in value if purpose != "default"]}
+
+    return _read(settings, {"includedPurposes": convert}, log, False)
+
+
+def check_unused(settings: UsdRender.Settings, log: SceneLog) -> None:
+    """Says what the settings ask for that the renderer does not do."""
+    path = settings.GetPath()
+    space = settings.GetRenderingColorSpaceAttr().Get()
+    if space and space not in LINEAR_REC709:
+        text = f"renderingColorSpace {space} is not supported: linear Rec. 709 is rendered"
+        log.warn(path, "color-space", text)
+    if settings.GetMaterialBindingPurposesAttr().HasAuthoredValue():
+        text = "materialBindingPurposes has no effect: materials are not used yet"
+        log.say(20, str(path), "unsupported-shading", text)
+
+
+def _read(prim: UsdRender.SettingsBase, readers: dict, log: SceneLog, fallbacks: bool) -> dict:
+    values = {}
+    for name, convert in readers.items():
+        attribute = prim.GetPrim().GetAttribute(name)
+        if attribute.HasAuthoredValue():
+            found = _checked(attribute, convert, log)
+            if found is not None:
+                values |= found
+                continue
+        if fallbacks:
+            definition = prim.GetPrim().GetPrimDefinition()
+            values |= convert(definition.GetAttributeFallbackValue(name))
+    return values
+
+
+def _trapeze_values(prim: Usd.Prim, log: SceneLog) -> dict:
+    values = {}
+    for attribute in prim.GetAuthoredPropertiesInNamespace("trapeze"):
+        name = attribute.GetName().removeprefix("trapeze:")
+        if name not in TRAPEZE:
+            near = difflib.get_close_matches(name, TRAPEZE, 1, 0.5)
+            hint = f"did you mean trapeze:{near[0]}?" if near else f"known are {', '.join(TRAPEZE)}"
+            text = f"trapeze:{name} is no setting of this renderer: {hint}"
+            log.warn(prim.GetPath(), "render-settings", text)
+        elif isinstance(attribute, Usd.Attribute):
+            field, convert = TRAPEZE[name]
+            values |= _checked(attribute, lambda v, f=field, c=convert: {f: c(v)}, log) or {}
+    return values
+
+
+def _checked(attribute: Usd.Attribute, convert: Callable, log: SceneLog) -> dict | None:
+    """What the attribute sets, or None with a warning."""
+    value = attribute.Get()
+    try:
+        found = convert(value)
+        Options(**found).validate()
+        return found
+    except UsageError as error:
+        why = str(error)
+    except FAULTS as error:
+        why = reason(error)
+    why = why[:1].lower() + why[1:].removesuffix(".")
+    text = f"{attribute.GetName()} is {value!r}, which cannot be: {why}; ignored"
+    log.warn(attribute.GetPrim().GetPath(), "render-settings", text)
+    return None
