@@ -2,14 +2,16 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint format bench clean distclean
+.PHONY: help setup demo test lint format bench contact-sheet clean distclean
 
 PY := .venv/bin/python
 # Flags of `hdtrapeze record` for the demo: make demo DEMO_FLAGS="--samples 16"
 DEMO_FLAGS ?=
+# Flags of scripts/contact_sheet.py: make contact-sheet DIR=scenes SHEET_FLAGS="--width 480"
+SHEET_FLAGS ?=
 
 help: ## List the targets
-	@awk -F':.*## ' '/^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F':.*## ' '/^[a-z-]+:.*## / { printf "  make %-13s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 setup: ## Install what is missing, make .venv, build the release libraries and the command
 	@scripts/setup.sh
@@ -31,6 +33,10 @@ format: ## Rewrite Rust, Python and C++ sources in the project's format
 
 bench: setup ## Run the benches; figures go to the terminal
 	@scripts/bench.sh
+
+contact-sheet: ## Render every USD file below DIR into one picture, out/contact_sheet.png
+	@scripts/setup.sh --tools
+	@$(PY) scripts/contact_sheet.py $(SHEET_FLAGS) "$(or $(DIR),$(error DIR=folder says where the USD files are))"
 
 clean: ## Remove build products and rendered pictures
 	rm -rf target build out

@@ -164,6 +164,15 @@ def test_keys_follow_what_happens_within_the_shutter():
     assert read.world(0.3)[-1, 1] > 0.9
 
 
+def test_velocities_of_the_rest_shape_do_not_move_what_is_skinned():
+    stage = new_stage()
+    add_camera(stage)
+    mesh = add_arm(stage, angles={0: (0, 90)}, half=0.4)
+    still = render(stage, shutter=(0, 1)).alpha
+    mesh.CreateVelocitiesAttr(Vt.Vec3fArray([Gf.Vec3f(50, 0, 0)] * 18))
+    np.testing.assert_array_equal(render(stage, shutter=(0, 1)).alpha, still)
+
+
 def test_keys_follow_the_shape_that_is_skinned():
     stage = new_stage()
     mesh = add_arm(stage, angles={0: (0, 90)})
