@@ -540,10 +540,13 @@ def test_interrupted_render_keeps_what_it_had(tmp_path, stop):
         # A shell that runs the tests in the background hands an ignored SIGINT down.
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )
-    assert process.stdout.readline().startswith("Camera:")
-    time.sleep(2.0)
-    process.send_signal(stop)
-    _, messages = process.communicate(timeout=30)
+    try:
+        assert process.stdout.readline().startswith("Camera:")
+        time.sleep(2.0)
+        process.send_signal(stop)
+        _, messages = process.communicate(timeout=30)
+    finally:
+        process.kill()  # where it has not stopped by itself
     assert process.returncode == {signal.SIGINT: 130, signal.SIGTERM: 143}[stop]
     assert "Traceback" not in messages
     assert out.read_bytes() == b"a good file"
