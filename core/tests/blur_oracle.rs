@@ -15,7 +15,7 @@ use hdtrapeze_core::render::{Frame, RenderControl, prepare, render};
 use hdtrapeze_core::scene::Geometry;
 use hdtrapeze_core::scene::{
     CameraDesc, FilterKind, Interpolation, MeshDesc, PointsSamples, PrimCommon, PrimDesc, PrimId,
-    PrimvarDesc, RenderSettings, Scene, TransformSamples,
+    PrimvarDesc, Rates, RenderSettings, Samples, Scene, TransformSamples,
 };
 use hdtrapeze_core::surface::{MeshTopology, Scheme};
 use support::NoSubdivision;
@@ -27,14 +27,28 @@ const ORACLE_SAMPLES: u32 = 4096;
 /// A tenth of a 1/255 step (one sample in 2500); keeps pixels without variance from dividing by zero.
 const FLOOR: f64 = 0.1 / 255.0;
 
-/// A triangle mesh whose matrix and points are functions of time in [0, 1].
+/// A triangle mesh whose matrix and points are functions of the time code.
+#[derive(Clone)]
 struct Actor {
     matrix: fn(f64) -> DAffine3,
     points: fn(f64) -> Vec<DVec3>,
-    /// Times at which the renderer is given samples.
+    /// Number of times over the shutter (over all that the blur scale makes of it) at which the
+    /// renderer is given samples.
     matrix_keys: usize,
     point_keys: usize,
+    /// In place of samples at keys.
+    rates: Option<RatedSample>,
+    blur_scale: f64,
+    nonlinear_samples: Option<u32>,
     color: [f32; 3],
+}
+
+/// One sample of the points and how it moves on: units a time code, and a time code squared.
+#[derive(Clone)]
+struct RatedSample {
+    time: f64,
+    velocities: [DVec3; 3],
+    accelerations: Option<[DVec3; 3]>,
 }
 
 struct Play {
@@ -42,6 +56,7 @@ struct Play {
     camera: fn(f64) -> DAffine3,
     camera_keys: usize,
     f_stop: f64,
+    shutter: [f64; 2],
 }
 
 const FOCAL: f64 = 5.0;
@@ -71,21 +86,50 @@ fn key_times(count: usize) -> Vec<f64> {
     (0..count).map(|i| i as f64 / (count - 1) as f64).collect()
 }
 
-/// The play as a scene, shutter 0 to 1. `shift` moves one key of the first actor.
+fn rated_points(actor: &Actor, rated: &RatedSample, shift: f64) -> PointsSamples {
+    const TIME_CODES_PER_SECOND: f64 = 24.0;
+    let array = |values: &[DVec3], scale: f64| {
+        let values = values.iter().map(|v| (*v * scale).as_vec3());
+        Arc::new(values.collect::<Vec<Vec3>>())
+    };
+    let samples = |values: Option<Arc<Vec<Vec3>>>| Samples {
+        times: values.iter().map(|_| rated.time).collect(),
+        values: values.into_iter().collect(),
+    };
+    let velocities = rated.velocities.map(|v| v + DVec3::X * shift);
+    let accelerations = rated.accelerations.as_ref();
+    PointsSamples {
+        times: vec![rated.time],
+        points: vec![array(&(actor.points)(rated.time), 1.0)],
+        rates: Rates {
+            velocities: samples(Some(array(&velocities, TIME_CODES_PER_SECOND))),
+            accelerations: samples(accelerations.map(|a| array(a, TIME_CODES_PER_SECOND.powi(2)))),
+            time_codes_per_second: TIME_CODES_PER_SECOND,
+        },
+    }
+}
+
+/// The play as a scene. `shift` moves one key of the first actor, or changes its velocities.
 fn scene(play: &Play, shift: f64) -> Scene {
     let mut scene = Scene::default();
     for (i, actor) in play.actors.iter().enumerate() {
-        let times = key_times(actor.matrix_keys);
+        let reach = actor.blur_scale.max(1.0);
+        let [open, close] = play.shutter.map(|time| time * reach);
+        let key_times = |count: usize| {
+            let at = |t: &f64| open + (close - open) * t;
+            key_times(count).iter().map(at).collect()
+        };
+        let times: Vec<f64> = key_times(actor.matrix_keys);
         let mut matrices: Vec<DMat4> = times
             .iter()
             .map(|&t| DMat4::from((actor.matrix)(t)))
             .collect();
-        let point_times = key_times(actor.point_keys);
+        let point_times: Vec<f64> = key_times(actor.point_keys);
         let mut points: Vec<Vec<Vec3>> = point_times
             .iter()
             .map(|&t| (actor.points)(t).iter().map(|p| p.as_vec3()).collect())
             .collect();
-        if i == 0 {
+        if i == 0 && actor.rates.is_none() {
             if matrices.len() > 1 {
                 *matrices.last_mut().unwrap() =
                     DMat4::from_translation(DVec3::new(shift, 0.0, 0.0))
@@ -114,13 +158,19 @@ fn scene(play: &Play, shift: f64) -> Scene {
                 indices: Arc::new(vec![]),
             },
         );
-        let geometry = Geometry::Mesh(MeshDesc {
-            topology: Arc::new(topology),
-            points: PointsSamples {
+        common.blur_scale = actor.blur_scale;
+        common.nonlinear_samples = actor.nonlinear_samples;
+        let points = match &actor.rates {
+            Some(rated) => rated_points(actor, rated, shift),
+            None => PointsSamples {
                 times: point_times,
                 points: points.into_iter().map(Arc::new).collect(),
                 ..PointsSamples::default()
             },
+        };
+        let geometry = Geometry::Mesh(MeshDesc {
+            topology: Arc::new(topology),
+            points,
         });
         scene.prims.insert(
             PrimId(i as u64 + 1),
@@ -141,7 +191,7 @@ fn scene(play: &Play, shift: f64) -> Scene {
         focus_distance: FOCUS,
         f_stop: play.f_stop,
         clipping: [0.01, 1000.0],
-        shutter: [0.0, 1.0],
+        shutter: play.shutter,
         ..CameraDesc::default()
     };
     scene.cameras.insert(PrimId(100), Arc::new(camera));
@@ -228,6 +278,8 @@ fn oracle_sample(play: &Play, x: u32, y: u32, random: &mut Random) -> [f64; 2] {
         DVec3::ZERO
     };
     let focus = DVec3::new(sx * half_width, sy * half_height, -1.0) * FOCUS;
+    let [open, close] = play.shutter;
+    let time = open + (close - open) * time;
     let camera = (play.camera)(time);
     let origin = camera.transform_point3(lens);
     let dir = camera.transform_vector3(focus - lens);
@@ -235,6 +287,7 @@ fn oracle_sample(play: &Play, x: u32, y: u32, random: &mut Random) -> [f64; 2] {
     let mut nearest = f64::INFINITY;
     let mut value = [0.0; 2];
     for actor in &play.actors {
+        let time = time * actor.blur_scale;
         let matrix = (actor.matrix)(time);
         let points: Vec<DVec3> = (actor.points)(time)
             .iter()
@@ -265,7 +318,12 @@ fn oracle_sample(play: &Play, x: u32, y: u32, random: &mut Random) -> [f64; 2] {
 /// The error of the render itself is bounded by the oracle's (it has a quarter of the samples, but
 /// stratified).
 fn disagreement(play: &Play, shift: f64) -> (f64, f64) {
-    let image = rendered(&scene(play, shift));
+    disagreement_of(play, &scene(play, shift))
+}
+
+/// The same of another scene than the play's own.
+fn disagreement_of(play: &Play, scene: &Scene) -> (f64, f64) {
+    let image = rendered(scene);
     let (mut squares, mut largest, mut count) = (0.0, 0.0f64, 0.0);
     for (i, (mean, variance)) in oracle(play).into_iter().enumerate() {
         for (channel, at) in [(0, 0), (1, 3)] {
@@ -302,6 +360,9 @@ fn actor() -> Actor {
         points: triangle,
         matrix_keys: 1,
         point_keys: 1,
+        rates: None,
+        blur_scale: 1.0,
+        nonlinear_samples: None,
         color: [0.9, 0.5, 0.2],
     }
 }
@@ -323,6 +384,7 @@ fn play(actor: Actor) -> Play {
         camera: camera_at_z6,
         camera_keys: 1,
         f_stop: 0.0,
+        shutter: [0.0, 1.0],
     }
 }
 
@@ -490,4 +552,145 @@ fn defocus_and_motion() {
         },
         0.35,
     );
+}
+
+const VELOCITIES: [DVec3; 3] = [
+    DVec3::new(0.5, 0.0, 0.0),
+    DVec3::new(0.0, 1.0, 0.0),
+    DVec3::new(-1.0, 0.3, 1.0),
+];
+const ACCELERATIONS: [DVec3; 3] = [
+    DVec3::new(0.0, 3.0, 0.0),
+    DVec3::new(-2.0, -2.5, 0.0),
+    DVec3::new(3.0, 0.0, 1.0),
+];
+/// Time of the sample that moves on.
+const SAMPLED: f64 = -0.3;
+
+fn flying(t: f64) -> Vec<DVec3> {
+    let (start, dt) = (triangle(0.0), t - SAMPLED);
+    (0..3).map(|i| start[i] + VELOCITIES[i] * dt).collect()
+}
+
+fn falling(t: f64) -> Vec<DVec3> {
+    let (flying, dt) = (flying(t), t - SAMPLED);
+    (0..3)
+        .map(|i| flying[i] + ACCELERATIONS[i] * (0.5 * dt * dt))
+        .collect()
+}
+
+fn by_velocities() -> Actor {
+    Actor {
+        points: flying,
+        rates: Some(RatedSample {
+            time: SAMPLED,
+            velocities: VELOCITIES,
+            accelerations: None,
+        }),
+        ..actor()
+    }
+}
+
+fn by_accelerations() -> Actor {
+    Actor {
+        points: falling,
+        rates: Some(RatedSample {
+            time: SAMPLED,
+            velocities: VELOCITIES,
+            accelerations: Some(ACCELERATIONS),
+        }),
+        ..actor()
+    }
+}
+
+fn growing(t: f64) -> DAffine3 {
+    DAffine3::from_scale(DVec3::splat(0.8 + 0.6 * t))
+}
+
+#[test]
+fn velocities() {
+    check("velocities", &play(by_velocities()), 0.35);
+}
+
+#[test]
+fn accelerations() {
+    check("accelerations", &play(by_accelerations()), 0.35);
+}
+
+#[test]
+fn transform_times_velocities() {
+    let actor = Actor {
+        matrix: growing,
+        matrix_keys: 2,
+        ..by_accelerations()
+    };
+    check("transform times velocities", &play(actor), 0.35);
+}
+
+/// So many positions, evenly spaced, and straight lines between.
+#[test]
+fn nonlinear_samples() {
+    let two = |t: f64| {
+        let (a, b) = (falling(0.0), falling(1.0));
+        a.iter().zip(b).map(|(a, b)| a.lerp(b, t)).collect()
+    };
+    let three = |t: f64| {
+        let i = if t < 0.5 { 0.0 } else { 0.5 };
+        let (a, b) = (falling(i), falling(i + 0.5));
+        a.iter()
+            .zip(b)
+            .map(|(a, b)| a.lerp(b, 2.0 * (t - i)))
+            .collect()
+    };
+    let with = |count: u32, points: fn(f64) -> Vec<DVec3>| {
+        let mut actor = by_accelerations();
+        actor.nonlinear_samples = Some(count);
+        let mut play = play(actor);
+        // What the renderer is given stays the sample; the oracle follows the lines.
+        let given = scene(&play, 0.0);
+        play.actors[0].points = points;
+        (play, given)
+    };
+    for (count, points) in [(2, two as fn(f64) -> Vec<DVec3>), (3, three), (1, two)] {
+        let (play, given) = with(count, points);
+        let (rms, largest) = disagreement_of(&play, &given);
+        println!("{count} samples: rms {rms:.3}, largest {largest:.2} standard errors");
+        assert!(rms < 0.8 && largest < 5.0, "{count}: {rms}, {largest}");
+    }
+    let (play, given) = with(33, two);
+    let (rms, largest) = disagreement_of(&play, &given);
+    assert!(
+        rms > 1.6 && largest > 6.0,
+        "the parabola must not look like its chord"
+    );
+}
+
+/// The blur of everything that moves a prim is scaled, about the frame, which is inside the shutter.
+#[test]
+fn blur_scales() {
+    for scale in [2.0, 0.5, 0.0] {
+        let actor = Actor {
+            matrix: growing,
+            matrix_keys: 2,
+            blur_scale: scale,
+            ..by_accelerations()
+        };
+        let play = Play {
+            shutter: [-0.25, 0.5],
+            ..play(actor)
+        };
+        check(&format!("blur scale {scale}"), &play, 0.35);
+    }
+}
+
+#[test]
+fn blur_scale_of_keys() {
+    let points = |t: f64| triangle(t).iter().map(|p| *p + DVec3::X * t).collect();
+    let actor = Actor {
+        points,
+        point_keys: 2,
+        blur_scale: 2.0,
+        ..actor()
+    };
+    check("blur scale of keys", &play(actor), 0.35);
 }

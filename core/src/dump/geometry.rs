@@ -8,7 +8,11 @@ use crate::motion::Shutter;
 use crate::scene::{CurvesDesc, Geometry, GridsDesc, ImplicitDesc, MeshDesc, PointsSamples};
 use crate::surface::MeshTopology;
 use crate::translate::grids;
-use crate::translate::mesh::{PointKeys, check, point_keys};
+use crate::translate::mesh::check;
+use crate::translate::points::{Bends, PointKeys, point_keys};
+
+/// Keys of paths that accelerations bend: the text must not depend on how near the camera is.
+const BENDS: Bends<'_> = Bends::Samples(3);
 
 /// The word that a prim's lines begin with.
 pub(super) fn kind(geometry: &Geometry) -> &'static str {
@@ -44,7 +48,7 @@ fn mesh(
     shutter: Shutter,
     warnings: &mut Vec<Warning>,
 ) {
-    let Some(mesh) = check(path, desc, shutter, warnings) else {
+    let Some(mesh) = check(path, desc, shutter, BENDS, warnings) else {
         return page.line("nothing to render");
     };
     topology(page, &mesh.topology);
@@ -131,7 +135,7 @@ fn raw_points(
     shutter: Shutter,
     warnings: &mut Vec<Warning>,
 ) {
-    match point_keys(path, samples, 0, shutter, warnings) {
+    match point_keys(path, samples, 0, shutter, BENDS, warnings) {
         Some(keys) => points(page, &keys),
         None => page.line("nothing to render"),
     }

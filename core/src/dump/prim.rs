@@ -4,6 +4,7 @@ use super::text::{Page, array, integers, matrix, number};
 use super::{geometry, write_warnings};
 use crate::motion::{Hierarchy, Shutter};
 use crate::scene::{Interpolation, PrimCommon, PrimDesc, PrimvarDesc};
+use crate::translate::blur::prim_shutter;
 
 pub(super) fn write(page: &mut Page, prim: &PrimDesc, shutter: Shutter) {
     let common = &prim.common;
@@ -15,6 +16,7 @@ pub(super) fn write(page: &mut Page, prim: &PrimDesc, shutter: Shutter) {
     page.indented(|page| {
         let mut warnings = Vec::new();
         flags(page, common);
+        let shutter = prim_shutter(&common.path, common.blur_scale, shutter, &mut warnings);
         geometry::write(page, &common.path, &prim.geometry, shutter, &mut warnings);
         transform(page, common, shutter);
         for (name, primvar) in &common.primvars {

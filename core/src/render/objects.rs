@@ -16,13 +16,21 @@ use crate::scene::{PrimDesc, RenderSettings};
 use crate::shade::{DEFAULT_ALBEDO, PrimShading, Source};
 use crate::surface::SubdivisionFactory;
 use crate::trace::InstanceTransform;
-use crate::translate::measure::{ObjectBounds, largest_scale, pixels_per_unit, views_at_keys};
-use crate::translate::route::{self, MatrixPath};
+use crate::translate::blur::prim_shutter;
+use crate::translate::measure::{
+    CHORD_TOLERANCE, ObjectBounds, largest_scale, pixels_per_unit, views_at_keys,
+};
+use crate::translate::points::Bends;
+use crate::translate::route::{self, MatrixPath, RouteError};
 
-/// What every prim is prepared with.
+/// What a prim is prepared with.
+#[derive(Clone, Copy)]
 pub(super) struct Context<'a> {
     pub camera: &'a Camera,
+    /// The camera's; while one prim is prepared, the shutter of its motion (its blur scaled).
     pub shutter: Shutter,
+    /// Keys of paths that bend, of the prim that is prepared.
+    pub bends: Bends<'a>,
     pub settings: &'a RenderSettings,
     pub factory: &'a dyn SubdivisionFactory,
     pub cancel: &'a AtomicBool,
@@ -83,31 +91,77 @@ pub(super) fn prepare_prim(prim: &PrimDesc, context: &Context<'_>) -> PrimObject
 fn translate(prim: &PrimDesc, context: &Context<'_>) -> PrimObjects {
     let mut out = PrimObjects::empty();
     let path = &prim.common.path;
+    let common = &prim.common;
+    let mut warnings = Vec::new();
+    let shutter = prim_shutter(path, common.blur_scale, context.shutter, &mut warnings);
+    let places = Places::new(prim, shutter);
+    let tolerance = |bounds: &ObjectBounds| {
+        let pixels = places
+            .as_ref()
+            .map_or(0.0, |p| p.pixels(context.camera, bounds));
+        CHORD_TOLERANCE / pixels
+    };
+    let context = &Context {
+        shutter,
+        bends: match common.nonlinear_samples {
+            Some(count) => Bends::Samples(count),
+            None => Bends::Within(&tolerance),
+        },
+        ..*context
+    };
     let Some(shape) = shape::make(prim, context, &mut out) else {
         return out;
     };
     let shape = shape.as_ref();
-    let hierarchy = match Hierarchy::new(&prim.common.transform, context.shutter) {
-        Ok(hierarchy) => hierarchy,
-        Err(error) => {
-            out.drop_prim(path, Code::NotFinite, &error.to_string());
-            return out;
-        }
-    };
-    match &prim.common.instances {
-        None => {
+    out.warnings.append(&mut warnings);
+    match &places {
+        Ok(Places::One(hierarchy)) => {
             let matrix = |t: f64| hierarchy.matrix(t);
             out.flatten(path, shape, &matrix, &hierarchy.key_times(), 0, context);
         }
-        Some(instances) => match route::instance_paths(instances, &hierarchy, context.shutter) {
-            Ok(paths) => {
-                let id = |i: usize| instances.ids.get(i).copied().unwrap_or(i as i32);
-                out.instance(path, shape, &paths, &id, context);
-            }
-            Err(error) => out.drop_prim(path, Code::TimeSamples, &error.to_string()),
-        },
+        Ok(Places::Many(paths, ids)) => {
+            let id = |i: usize| ids.get(i).copied().unwrap_or(i as i32);
+            out.instance(path, shape, paths, &id, context);
+        }
+        Err((code, error)) => out.drop_prim(path, *code, &error.to_string()),
     }
     out
+}
+
+/// Where a prim is over the shutter.
+enum Places<'a> {
+    One(Hierarchy),
+    /// Paths of instances, and their ids.
+    Many(Vec<Option<MatrixPath>>, &'a [i32]),
+}
+
+impl<'a> Places<'a> {
+    fn new(prim: &'a PrimDesc, shutter: Shutter) -> Result<Self, (Code, RouteError)> {
+        let hierarchy = Hierarchy::new(&prim.common.transform, shutter)
+            .map_err(|error| (Code::NotFinite, error.into()))?;
+        let Some(instances) = &prim.common.instances else {
+            return Ok(Self::One(hierarchy));
+        };
+        route::instance_paths(instances, &hierarchy, shutter)
+            .map(|paths| Self::Many(paths, &instances.ids))
+            .map_err(|error| (Code::TimeSamples, error))
+    }
+
+    /// Pixels per object-space unit where the prim is largest over the shutter.
+    fn pixels(&self, camera: &Camera, bounds: &ObjectBounds) -> f64 {
+        match self {
+            Self::One(hierarchy) => largest_pixels(
+                camera,
+                &|t| hierarchy.matrix(t),
+                &hierarchy.key_times(),
+                bounds,
+            ),
+            Self::Many(paths, _) => {
+                let pixels = |p: &MatrixPath| instance_pixels(camera, p, bounds);
+                paths.iter().flatten().map(pixels).fold(0.0, f64::max)
+            }
+        }
+    }
 }
 
 impl PrimObjects {
@@ -248,12 +302,22 @@ impl PrimObjects {
     }
 }
 
-/// Pixels per object-space unit of an instance, at its largest over the shutter.
+/// The same of an instance.
 fn instance_pixels(camera: &Camera, path: &MatrixPath, bounds: &ObjectBounds) -> f64 {
-    let times = path.key_times.iter().chain(camera.key_times());
+    largest_pixels(camera, &|t| path.at(t), &path.key_times, bounds)
+}
+
+/// Pixels per object-space unit of a prim under `matrix(time)`, at its largest over the shutter.
+fn largest_pixels(
+    camera: &Camera,
+    matrix: &dyn Fn(f64) -> DAffine3,
+    key_times: &[f64],
+    bounds: &ObjectBounds,
+) -> f64 {
+    let times = key_times.iter().chain(camera.key_times());
     times
         .map(|&t| {
-            let m = path.at(t);
+            let m = matrix(t);
             // Off-screen instances must not decide the rate: those wholly behind the camera count less.
             let view = camera.raster_view(t);
             let centre = view

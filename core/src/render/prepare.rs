@@ -18,6 +18,7 @@ use crate::motion::Shutter;
 use crate::scene::{CameraDesc, PrimDesc, PrimId, RenderSettings, Scene};
 use crate::surface::SubdivisionFactory;
 use crate::trace::{World, WorldInstance};
+use crate::translate::points::Bends;
 
 /// Why a scene cannot be prepared at all.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
@@ -84,6 +85,7 @@ impl View {
         Context {
             camera: &self.camera,
             shutter: self.shutter,
+            bends: Bends::Samples(2), // each prim has its own
             settings: &self.settings,
             factory,
             cancel,

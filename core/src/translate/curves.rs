@@ -2,11 +2,12 @@
 
 use glam::Vec3;
 
-use super::mesh::{PointKeys, point_keys, usable};
+use super::points::{Bends, PointKeys, point_keys};
 use super::values::Counts;
 use crate::curve::CurveKind;
 use crate::diagnostics::{Code, Warning};
 use crate::motion::Shutter;
+use crate::motion::rates::usable;
 use crate::scene::CurvesDesc;
 
 /// One curve of a prim, in the prim's arrays.
@@ -42,6 +43,7 @@ pub fn check(
     path: &str,
     curves: &CurvesDesc,
     shutter: Shutter,
+    bends: Bends<'_>,
     warnings: &mut Vec<Warning>,
 ) -> Option<CheckedCurves> {
     let authored = &*curves.vertex_counts;
@@ -60,7 +62,7 @@ pub fn check(
     };
     let count = |c: &i32| usize::try_from(*c).unwrap_or(0);
     let needed = authored.iter().map(count).fold(0, usize::saturating_add);
-    let mut points = point_keys(path, &curves.points, needed, shutter, warnings)?;
+    let mut points = point_keys(path, &curves.points, needed, shutter, bends, warnings)?;
     let point_count = points.points[0].len();
     let finite: Vec<bool> = (0..point_count)
         .map(|p| points.points.iter().all(|key| usable(key[p])))
@@ -186,7 +188,7 @@ mod tests {
             open: -0.5,
             close: 0.5,
         };
-        let out = check("/c", desc, shutter, &mut warnings);
+        let out = check("/c", desc, shutter, Bends::Samples(2), &mut warnings);
         (out, warnings)
     }
 

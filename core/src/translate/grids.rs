@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::mesh::{PointKeys, point_keys};
+use super::points::{Bends, PointKeys, point_keys};
 use crate::diagnostics::{Code, Warning};
 use crate::grid::{DicedMesh, Grid, MAX_GRID_RATE};
 use crate::motion::{PointPath, Shutter};
@@ -72,7 +72,8 @@ pub fn check(
         }
         samples.points.push(points.into());
     }
-    let points = point_keys(path, &samples, vertex_count, shutter, warnings)?;
+    let none = Bends::Samples(2); // there are no rates
+    let points = point_keys(path, &samples, vertex_count, shutter, none, warnings)?;
     Some(CheckedGrids { grids, points })
 }
 

@@ -20,11 +20,11 @@ pub struct ObjectBounds {
 }
 
 impl ObjectBounds {
-    /// Box of the points at every key. Not empty.
+    /// Box of the finite points at every key.
     pub fn of(points: &[Vec<Vec3>]) -> Self {
         let mut min = DVec3::INFINITY;
         let mut max = DVec3::NEG_INFINITY;
-        for p in points.iter().flatten() {
+        for p in points.iter().flatten().filter(|p| p.is_finite()) {
             min = min.min(p.as_dvec3());
             max = max.max(p.as_dvec3());
         }

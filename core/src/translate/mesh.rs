@@ -6,10 +6,11 @@
 
 use glam::Vec3;
 
+pub use super::points::{Bends, PointKeys, point_keys};
 use crate::diagnostics::{Code, Warning};
+use crate::motion::Shutter;
 pub use crate::motion::rates::{LARGEST_COORDINATE, usable};
-use crate::motion::{Shutter, Timeline};
-use crate::scene::{MeshDesc, PointsSamples};
+use crate::scene::MeshDesc;
 use crate::surface::{Crease, MeshTopology};
 
 /// Sharpness from which an edge or vertex is infinitely sharp; infinity itself is authored too.
@@ -32,20 +33,12 @@ pub struct CheckedMesh {
     pub points: PointKeys,
 }
 
-/// Object-space points at keys across the shutter.
-#[derive(Clone, Debug, PartialEq)]
-pub struct PointKeys {
-    /// Key times in [0, 1]; `[0]` when the points stand still.
-    pub times: Vec<f32>,
-    /// Points at each key, all of one length.
-    pub points: Vec<Vec<Vec3>>,
-}
-
 /// Checks `mesh`. `None` when nothing is left to render; an empty mesh is no reason to warn.
 pub fn check(
     path: &str,
     mesh: &MeshDesc,
     shutter: Shutter,
+    bends: Bends<'_>,
     warnings: &mut Vec<Warning>,
 ) -> Option<CheckedMesh> {
     let authored = &*mesh.topology;
@@ -66,7 +59,7 @@ pub fn check(
         .max()
         .map_or(0, |&v| v as usize + 1);
     let PointKeys { times, mut points } =
-        point_keys(path, &mesh.points, needed, shutter, warnings)?;
+        point_keys(path, &mesh.points, needed, shutter, bends, warnings)?;
     let vertex_count = points[0].len();
 
     let finite: Vec<bool> = (0..vertex_count)
@@ -237,72 +230,10 @@ fn keep_faces(
     kept
 }
 
-/// Points at keys across the shutter; equal keys become one. Samples that differ in length cannot be
-/// blended: the last at or before the frame is taken, of those that have at least `needed` points
-/// where there are any.
-pub fn point_keys(
-    path: &str,
-    samples: &PointsSamples,
-    needed: usize,
-    shutter: Shutter,
-    warnings: &mut Vec<Warning>,
-) -> Option<PointKeys> {
-    let count = samples.points.len().min(samples.times.len());
-    let lengths = samples.points[..count].iter().map(|p| p.len());
-    if lengths.clone().min() != lengths.max() {
-        // The topology is the frame's, and holds since the sample at or before it.
-        let best = (0..count).min_by(|&a, &b| {
-            let rank = |i: usize| {
-                let (points, time) = (samples.points[i].len(), samples.times[i]);
-                (points < needed, time > 0.0, time.abs())
-            };
-            rank(a)
-                .partial_cmp(&rank(b))
-                .unwrap_or(std::cmp::Ordering::Equal)
-        })?;
-        let text = "point samples differ in length within the shutter; one sample is rendered, \
-                    without deformation blur";
-        warnings.push(Warning::new(path, Code::TimeSamples, text));
-        return Some(PointKeys {
-            times: vec![0.0],
-            points: vec![samples.points[best].to_vec()],
-        });
-    }
-    let Some(timeline) = Timeline::new(&samples.times[..count], shutter) else {
-        let text = "no point sample has a finite time; the prim is dropped";
-        warnings.push(Warning::new(path, Code::TimeSamples, text));
-        return None;
-    };
-    let times = timeline.key_times(shutter.is_still());
-    let points: Vec<Vec<Vec3>> = times
-        .iter()
-        .map(|&t| {
-            let blend = timeline.blend(t);
-            let (a, b) = (&samples.points[blend.a], &samples.points[blend.b]);
-            if blend.f == 0.0 {
-                return a.to_vec();
-            }
-            let mix = |(a, b): (&Vec3, &Vec3)| {
-                (a.as_dvec3() * (1.0 - blend.f) + b.as_dvec3() * blend.f).as_vec3()
-            };
-            a.iter().zip(b.iter()).map(mix).collect()
-        })
-        .collect();
-    if points.windows(2).all(|w| w[0] == w[1]) {
-        return Some(PointKeys {
-            times: vec![0.0],
-            points: points.into_iter().take(1).collect(),
-        });
-    }
-    Some(PointKeys {
-        times: times.iter().map(|&t| t as f32).collect(),
-        points,
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::PointsSamples;
     use std::sync::Arc;
 
     fn quads(counts: &[u32], indices: &[u32], points: Vec<Vec3>) -> MeshDesc {
@@ -335,6 +266,7 @@ mod tests {
                 open: -0.5,
                 close: 0.5,
             },
+            Bends::Samples(2),
             &mut warnings,
         );
         (out, warnings)

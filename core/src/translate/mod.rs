@@ -2,14 +2,17 @@
 //! channels, transforms as paths. Everything that is wrong with a prim is found here: it is repaired
 //! or dropped with one warning, and nothing that is not finite goes further.
 //!
-//! `mesh` checks topology and points, `curves` curves; `primvar` resolves one primvar of a mesh, `values`
-//! one of other kinds, `route` decides how the prim
-//! reaches the world (flattened, or instanced), `measure` how large it is on screen.
+//! `blur` scales the shutter for a prim, `points` makes keys of samples and rates, `mesh` checks
+//! topology, `curves` curves; `primvar` resolves one primvar of a mesh, `values` one of other kinds,
+//! `route` decides how the prim reaches the world (flattened, or instanced), `measure` how large it
+//! is on screen.
 
+pub mod blur;
 pub mod curves;
 pub mod grids;
 pub mod measure;
 pub mod mesh;
+pub mod points;
 pub mod primvar;
 pub mod route;
 pub mod values;

@@ -181,7 +181,7 @@ fn join_equal<'a>(
 mod tests {
     use super::*;
     use crate::surface::MeshTopology;
-    use crate::translate::mesh::PointKeys;
+    use crate::translate::points::PointKeys;
     use std::sync::Arc;
 
     /// Two quads of three authored ones: face 1 was dropped.

@@ -12,9 +12,10 @@
 use glam::{DAffine3, DVec3};
 
 use super::measure::{CHORD_TOLERANCE, ObjectBounds, pixels_per_unit};
-use super::mesh::{LARGEST_COORDINATE, PointKeys};
+use super::points::PointKeys;
 use crate::camera::Camera;
 use crate::grid::locate_key;
+use crate::motion::rates::LARGEST_COORDINATE;
 use crate::motion::transform::{keys_within, lerp};
 use crate::motion::{Hierarchy, PointPath, Shutter, Timeline, TransformError, keys};
 use crate::scene::InstancesDesc;

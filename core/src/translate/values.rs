@@ -174,7 +174,7 @@ pub fn resolve_widths(
 }
 
 /// Widths from here on are not usable: as coordinates.
-const LARGEST_WIDTH: f32 = super::mesh::LARGEST_COORDINATE;
+const LARGEST_WIDTH: f32 = crate::motion::rates::LARGEST_COORDINATE;
 
 #[cfg(test)]
 mod tests {

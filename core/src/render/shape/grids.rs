@@ -6,7 +6,7 @@ use crate::render::objects::{Context, PrimObjects};
 use crate::scene::{GridsDesc, PrimDesc};
 use crate::shade::{DEFAULT_ALBEDO, PrimShading, Source};
 use crate::translate::grids::{self, CheckedGrids};
-use crate::translate::mesh::PointKeys;
+use crate::translate::points::PointKeys;
 
 /// Checks the grids, and constant and uniform primvars.
 pub(super) fn make(

@@ -12,7 +12,8 @@ use crate::scene::{MeshDesc, PrimDesc};
 use crate::shade::{DEFAULT_ALBEDO, PrimShading, Source};
 use crate::surface::polygon::PolygonSurface;
 use crate::surface::{Channel, LimitSurface, Orientation, Scheme, SubdivisionFactory};
-use crate::translate::mesh::{CheckedMesh, PointKeys, check};
+use crate::translate::mesh::{CheckedMesh, check};
+use crate::translate::points::PointKeys;
 use crate::translate::primvar;
 
 struct Mesh {
@@ -56,7 +57,13 @@ pub(super) fn make(
     out: &mut PrimObjects,
 ) -> Option<Box<dyn Shape>> {
     let path = &prim.common.path;
-    let mesh = check(path, desc, context.shutter, &mut out.warnings)?;
+    let mesh = check(
+        path,
+        desc,
+        context.shutter,
+        context.bends,
+        &mut out.warnings,
+    )?;
     let mut channels = Vec::new();
     let mut source = |name: &str, width: usize, warnings: &mut Vec<Warning>| {
         let primvar = prim.common.primvars.get(name)?;

@@ -13,7 +13,7 @@ use crate::dice::RasterMetric;
 use crate::grid::DicedMesh;
 use crate::motion::PointPath;
 use crate::scene::{Geometry, PrimDesc};
-use crate::translate::mesh::PointKeys;
+use crate::translate::points::PointKeys;
 
 /// Where, and how finely, a shape is diced.
 pub(super) struct Target<'a> {
