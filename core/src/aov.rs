@@ -104,6 +104,9 @@ impl Aov {
 /// Pixels of one AOV, rows from the top.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AovImage {
+    /// The image's pixel that the first one here is, x right and y down: 0 or below, where overscan
+    /// reaches out to the left or above.
+    pub origin: [i32; 2],
     /// Width in pixels.
     pub width: u32,
     /// Height in pixels.

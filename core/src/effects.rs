@@ -25,8 +25,10 @@ pub struct EffectPlan {
     pub time_by: Option<String>,
     /// Why nothing moves, where something could have.
     pub time_note: Option<String>,
-    /// Lens radius in scene units; 0 for a pinhole.
+    /// Lens radius in scene units, the largest while the shutter is open; 0 for a pinhole.
     pub lens_radius: f32,
+    /// Lens, film back or exposure change while the shutter is open.
+    pub lens_changes: bool,
     /// Path of the camera with the lens.
     pub lens_by: Option<String>,
     /// Path of the first prim that is not opaque.
@@ -88,15 +90,20 @@ impl fmt::Display for EffectPlan {
         if self.moving_instances > 0 {
             writeln!(f, "moving instances: {}", self.moving_instances)?;
         }
+        let changes = if self.lens_changes {
+            ", changing over the shutter"
+        } else {
+            ""
+        };
         if self.has_lens() {
             writeln!(
                 f,
-                "lens: thin, radius {}{}",
+                "lens: thin, radius {}{changes}{}",
                 self.lens_radius,
                 by(&self.lens_by)
             )?;
         } else {
-            writeln!(f, "lens: pinhole")?;
+            writeln!(f, "lens: pinhole{changes}")?;
         }
         match &self.transparency_by {
             Some(path) => writeln!(f, "opacity: transparent, called for by {path}")?,

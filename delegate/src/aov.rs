@@ -1,10 +1,13 @@
 //! Size and type of an AOV, known without its pixels.
 
 use hdtrapeze_core::aov::Aov;
+use hdtrapeze_core::render::Frame;
 
 /// See the module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct AovShape {
+    /// The image's pixel that the first one is, x right and y down.
+    pub origin: [i32; 2],
     /// Pixels.
     pub width: u32,
     /// Pixels.
@@ -16,10 +19,12 @@ pub struct AovShape {
 }
 
 impl AovShape {
-    pub(crate) fn new(aov: Aov, [width, height]: [u32; 2]) -> Self {
+    pub(crate) fn new(aov: Aov, frame: &Frame) -> Self {
+        let [x0, y0, x1, y1] = frame.window();
         Self {
-            width,
-            height,
+            origin: [x0, y0],
+            width: x0.abs_diff(x1),
+            height: y0.abs_diff(y1),
             components: aov.components() as u32,
             integer: aov.is_integer(),
         }

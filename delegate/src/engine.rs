@@ -34,16 +34,16 @@ pub(crate) fn prepare_statistics(prepared: &Prepared) -> Statistics {
 /// An empty film, refused where memory for it and for reading it back is not there.
 pub(crate) fn new_frame(prepared: &Prepared) -> Result<Frame, Error> {
     let settings = prepared.settings();
-    let [width, height] = settings.resolution.map(u64::from);
-    let pixels = match settings.crop {
-        Some([x0, y0, x1, y1]) => u64::from(x1 - x0) * u64::from(y1 - y0),
-        None => width * height,
+    let window = settings.window();
+    let pixels = |[x0, y0, x1, y1]: [i32; 4]| {
+        u64::from(x0.abs_diff(x1)).saturating_mul(u64::from(y0.abs_diff(y1)))
     };
     let widest = prepared.aovs().iter().map(|aov| aov.components()).max();
-    let film = pixels.saturating_mul(Keeps::of(prepared.aovs()).bytes() as u64);
-    let image = (width * height).saturating_mul(4 * widest.unwrap_or(0) as u64);
-    memory::check(film.saturating_add(image), "the film")?;
-    let frame = Frame::new(settings.resolution, settings.crop, prepared.aovs());
+    let film = pixels(settings.data_window.unwrap_or(window))
+        .saturating_mul(Keeps::of(prepared.aovs()).bytes() as u64);
+    let read = pixels(window).saturating_mul(4 * widest.unwrap_or(0) as u64);
+    memory::check(film.saturating_add(read), "the film")?;
+    let frame = Frame::new(settings.resolution, settings.data_window, prepared.aovs());
     frame.map_err(|error| match error {
         FrameError::OutOfMemory(_) => Error::OutOfMemory(error.to_string()),
         _ => Error::InvalidArgument(error.to_string()),

@@ -253,6 +253,7 @@ mod tests {
         // sRGB of 0.25 and 0.5, and of a value on the straight part.
         let expected = [0.537_099, 0.735_357, 12.92 * 0.001];
         let image = AovImage {
+            origin: [0, 0],
             width: 1,
             height: 1,
             components: 4,

@@ -278,13 +278,13 @@ impl Session {
     /// Size and type of an AOV of the last render that was started.
     pub fn describe_aov(&self, name: &str) -> Result<AovShape, Error> {
         let (rendered, aov) = self.rendered_aov(name)?;
-        Ok(AovShape::new(aov, rendered.frame.resolution()))
+        Ok(AovShape::new(aov, &rendered.frame))
     }
 
     /// An AOV of the last render that was started, as far as it is.
     pub fn aov(&self, name: &str) -> Result<AovImage, Error> {
         let (rendered, aov) = self.rendered_aov(name)?;
-        let needed = AovShape::new(aov, rendered.frame.resolution()).bytes();
+        let needed = AovShape::new(aov, &rendered.frame).bytes();
         memory::check(needed, "reading an AOV")?;
         let image = self.shared.guard(|| rendered.frame.aov(aov))?;
         image.ok_or_else(|| file::not_rendered(name))
@@ -295,9 +295,9 @@ impl Session {
         self.shared.check()?;
         let rendered = self.rendered()?;
         let frame = &rendered.frame;
-        let [width, height] = frame.resolution();
+        let [width, height] = rendered.resolution;
         let aovs = file::choose(options, frame.aovs())?;
-        let shapes = aovs.iter().map(|&aov| AovShape::new(aov, [width, height]));
+        let shapes = aovs.iter().map(|&aov| AovShape::new(aov, frame));
         // Once as layers, once more while the file is encoded.
         memory::check(
             2 * shapes.map(|shape| shape.bytes()).sum::<u64>(),
@@ -306,9 +306,8 @@ impl Session {
         let written = self.shared.guard(|| {
             let mut image = Image::new(width, height);
             image.pixel_aspect = rendered.pixel_aspect;
-            if let Some([x0, y0, x1, y1]) = rendered.crop {
-                image.data_window = [x0, y0, x1.min(width), y1.min(height)];
-            }
+            image.window = frame.window();
+            image.data_window = frame.data_window();
             let (layers, warnings) = file::layers(options, frame.aovs(), |aov| frame.aov(aov))?;
             image.layers = layers;
             image.metadata = rendered.facts;
@@ -468,8 +467,8 @@ impl Session {
         let mut status = self.shared.status();
         status.rendered = Some(Rendered {
             frame: frame.clone(),
+            resolution: settings.resolution,
             pixel_aspect: settings.pixel_aspect,
-            crop: settings.crop,
             facts,
         });
         status.state = State::Rendering;

@@ -32,8 +32,8 @@ pub(crate) struct Committed {
 #[derive(Clone)]
 pub(crate) struct Rendered {
     pub frame: Arc<Frame>,
+    pub resolution: [u32; 2],
     pub pixel_aspect: f32,
-    pub crop: Option<[u32; 4]>,
     /// Metadata of its files.
     pub facts: Vec<(String, String)>,
 }

@@ -419,9 +419,55 @@ def test_clipping_behind_the_camera(stage):
     one_warning(render(stage), "/camera", "clippingRange", "-10")
 
 
-def test_clipping_planes_are_named(stage):
-    UsdGeom.Camera.Get(stage, "/camera").CreateClippingPlanesAttr([Gf.Vec4f(0, 0, 1, 0)])
-    one_warning(render(stage), "/camera", "clippingPlanes", "not supported yet")
+@pytest.mark.parametrize("plane", [(0, 0, 0, -1), (NAN, 0, 1, 0), (0, INF, 0, 1)])
+def test_clipping_planes_that_are_none(stage, plane):
+    planes = [Gf.Vec4f(*plane), Gf.Vec4f(0, 0, 0, 0)]
+    UsdGeom.Camera.Get(stage, "/camera").CreateClippingPlanesAttr(planes)
+    image = render(stage)
+    one_warning(image, "/camera", "clipping plane", "ignored")
+    np.testing.assert_array_equal(image.alpha, quad_coverage(*GOOD))
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "value", "words"),
+    [
+        ("trapeze:aperture:blades", "Int", -1, "blades"),
+        ("trapeze:aperture:blades", "Double", 5.5, "blades"),
+        ("trapeze:aperture:blades", "Double", NAN, "blades"),
+        ("trapeze:aperture:blades", "String", "x", "'x'"),
+        ("trapeze:aperture:rotation", "Float", NAN, "rotation"),
+        ("trapeze:aperture:ratio", "Float", 0.0, "ratio"),
+        ("trapeze:aperture:ratio", "Float", -INF, "ratio"),
+        ("trapeze:aperture:roundness", "Float", 2.0, "roundness"),
+        ("primvars:arnold:aperture_blade_curvature", "Float", -3.0, "roundness"),
+        ("trapeze:shutter:curve", "Float2Array", [(0, 0), (1, 0)], "never opens"),
+        ("trapeze:shutter:curve", "Float2Array", [(0, 1), (2, 1)], "position 2"),
+        ("trapeze:shutter:curve", "Float2Array", [(1, 1), (0, 1)], "ascend"),
+        ("trapeze:shutter:curve", "Float2Array", [(0, NAN), (1, 1)], "openness"),
+        ("trapeze:shutter:curve", "FloatArray", [0, 1], "pairs"),
+        ("ri:shutterOpenTime", "Float", 1.5, "position"),
+        ("ri:shutteropening", "FloatArray", [0, 1, 2], "8 numbers"),
+    ],
+)
+def test_bad_lenses_and_shutters(stage, name, kind, value, words):
+    prim = stage.GetPrimAtPath("/camera")
+    prim.CreateAttribute(name, getattr(Sdf.ValueTypeNames, kind)).Set(value)
+    image = render(stage, shutter=(0, 1))
+    one_warning(image, "/camera", words)
+    np.testing.assert_array_equal(image.alpha, quad_coverage(*GOOD))
+
+
+def test_bad_numbers_in_a_changing_lens_are_told_once(stage):
+    camera = UsdGeom.Camera.Get(stage, "/camera")
+    set_samples(camera.GetFocalLengthAttr(), {0: 20.0, 0.3: NAN, 0.6: -1.0, 1: 20.0})
+    image = render(stage, shutter=(0, 1))
+    one_warning(image, "/camera", "give no view")
+    assert np.isfinite(image["color"]).all()
+
+
+def test_a_stereo_role_is_nothing_to_warn_of(stage):
+    UsdGeom.Camera.Get(stage, "/camera").GetStereoRoleAttr().Set("left")
+    assert render(stage).warnings == []
 
 
 def test_nothing_to_render_is_said_beside_other_warnings():

@@ -6,17 +6,30 @@
 //! Rays leave the lens towards the plane in focus with `dir.z = -1` in camera space, so that the ray
 //! parameter `t` *is* depth, and the clipping range is the ray's range.
 
+//!
+//! What a camera does not use costs nothing: the lens is one set of numbers unless it changes while
+//! the shutter is open, a round opening and an even shutter have no tables, and no clipping plane is
+//! no test.
+
+pub mod aperture;
+pub mod clip;
+pub mod lens;
+pub mod opening;
 pub mod pose;
 pub mod window;
 
 use glam::{DAffine3, DVec3, Mat3, Vec2, Vec3};
 
 use crate::dice::RasterView;
-use crate::motion::{Shutter, TransformError};
+use crate::motion::{Shutter, TransformError, keys};
 use crate::scene::{CameraDesc, Projection, RenderSettings};
 use crate::trace::Ray;
+use aperture::Aperture;
+pub use aperture::concentric_disk;
+use clip::ClippingPlanes;
+use lens::{Lens, LensPath};
+use opening::Opening;
 use pose::Poses;
-use window::Window;
 
 /// Smallest near clip that is used, relative to the far clip or one unit: f32 depth has 24 bits, so
 /// a nearer near plane would only lose depth precision.
@@ -29,13 +42,20 @@ pub struct Camera {
     origin: DVec3,
     /// The pose relative to `origin` in f32, for a camera that stands still.
     fixed: Option<(Mat3, Vec3)>,
+    /// Key times of pose and lens.
+    key_times: Vec<f64>,
     projection: Projection,
-    window: Window,
     resolution: [u32; 2],
-    lens_radius: f32,
-    focus_distance: f32,
+    /// Corners of the pixels to render.
+    data_window: [Vec2; 2],
+    /// The lens when the shutter opens.
+    lens: Lens,
+    /// Where the lens changes while the shutter is open.
+    lens_path: Option<LensPath>,
+    aperture: Aperture,
+    opening: Option<Opening>,
     clipping: [f32; 2],
-    exposure_scale: f32,
+    planes: ClippingPlanes,
 }
 
 /// What was odd about a camera, as sentences for warnings.
@@ -60,30 +80,33 @@ impl Camera {
         let origin = poses.at(0.5).translation;
         let (clipping, note) = usable_clipping(desc.clipping);
         notes.extend(note);
-        let (window, note) = Window::new(desc, settings);
-        notes.extend(note);
-        let (lens_radius, note) = lens_radius(desc, settings);
-        notes.extend(note);
+        let planes = ClippingPlanes::new(&desc.clipping_planes, &mut notes);
+        let (lens, lens_path) = lens::resolve(desc, settings, shutter, &mut notes);
+        let aperture = Aperture::new(&desc.aperture, &mut notes);
+        let opening = Opening::new(&desc.shutter_curve, &mut notes);
         let fixed = (!poses.is_moving()).then(|| {
             let m = poses.at(0.0);
             (m.matrix3.as_mat3(), (m.translation - origin).as_vec3())
         });
-        let focus = desc.focus_distance;
+        let lens_keys = lens_path.as_ref().map_or(&[][..], LensPath::key_times);
+        let key_times = keys::union([poses.key_times(), lens_keys]);
+        let [width, height] = settings.resolution;
+        let whole = [0, 0, width as i32, height as i32];
+        let [x0, y0, x1, y1] = settings.data_window.unwrap_or(whole).map(|x| x as f32);
         let camera = Self {
             poses,
             origin,
             fixed,
+            key_times,
             projection: desc.projection,
-            window,
             resolution: settings.resolution,
-            lens_radius,
-            focus_distance: if focus.is_finite() && focus > 0.0 {
-                focus as f32
-            } else {
-                1.0
-            },
+            data_window: [Vec2::new(x0, y0), Vec2::new(x1, y1)],
+            lens,
+            lens_path,
+            aperture,
+            opening,
             clipping,
-            exposure_scale: usable_exposure(desc.exposure_scale, &mut notes),
+            planes,
         };
         Ok((camera, notes))
     }
@@ -93,14 +116,35 @@ impl Camera {
         self.origin
     }
 
-    /// Radius of the lens, scene units; 0 for a pinhole.
+    /// Radius of the lens, scene units, the largest while the shutter is open; 0 for a pinhole.
     pub fn lens_radius(&self) -> f32 {
-        self.lens_radius
+        let radii = self.key_times.iter().map(|&t| self.lens(t as f32).radius);
+        radii.fold(0.0, f32::max)
     }
 
-    /// Depth in focus, scene units.
-    pub fn focus_distance(&self) -> f32 {
-        self.focus_distance
+    /// The lens at `time`.
+    #[inline]
+    pub fn lens(&self, time: f32) -> Lens {
+        match &self.lens_path {
+            None => self.lens,
+            Some(path) => path.at(time),
+        }
+    }
+
+    /// True when the lens, the film back or the exposure changes while the shutter is open.
+    pub fn lens_changes(&self) -> bool {
+        self.lens_path.is_some()
+    }
+
+    /// The point of the lens' opening for a point of the unit square, in units of the lens' radius.
+    #[inline]
+    pub fn lens_point(&self, u: f32, v: f32) -> Vec2 {
+        self.aperture.point(u, v)
+    }
+
+    /// The shutter's opening; `None` where it is equally open throughout.
+    pub fn opening(&self) -> Option<&Opening> {
+        self.opening.as_ref()
     }
 
     /// Near and far clipping depth, scene units.
@@ -108,19 +152,24 @@ impl Camera {
         self.clipping
     }
 
-    /// Linear factor on radiance.
+    /// Linear factor on radiance that all samples have: 1 where the lens changes, see
+    /// [`Camera::lens`].
     pub fn exposure_scale(&self) -> f32 {
-        self.exposure_scale
+        if self.lens_changes() {
+            1.0
+        } else {
+            self.lens.exposure
+        }
     }
 
-    /// True when the camera moves within the shutter.
+    /// True when the camera or its lens changes within the shutter.
     pub fn is_moving(&self) -> bool {
-        self.poses.is_moving()
+        self.poses.is_moving() || self.lens_changes()
     }
 
-    /// Key times of the camera's motion; `[0]` when it stands still.
+    /// Key times of the camera's motion and of its lens; `[0]` when nothing of it changes.
     pub fn key_times(&self) -> &[f64] {
-        self.poses.key_times()
+        &self.key_times
     }
 
     /// Camera to world at `time`, rotation and position relative to [`Camera::origin`].
@@ -131,23 +180,29 @@ impl Camera {
         })
     }
 
-    /// The ray through raster position `raster` (pixels) and lens point `lens` (unit disk) at `time`.
-    /// World space relative to [`Camera::origin`]; `t` is depth.
+    /// The ray through raster position `raster` (pixels) and lens point `lens` (in units of the
+    /// lens' radius) at `time`. World space relative to [`Camera::origin`]; `t` is depth.
     pub fn ray(&self, raster: Vec2, lens: Vec2, time: f32) -> Ray {
-        let at = self.window.point(raster / self.size());
-        let lens = lens * self.lens_radius;
+        let now = self.lens(time);
+        let at = now.window.point(raster / self.size());
+        let lens = lens * now.radius;
         // The ray goes from the lens through the point in focus; both relative to the axis.
         let (from, dir) = match self.projection {
-            Projection::Perspective => (lens, at - lens / self.focus_distance),
-            Projection::Orthographic => (at + lens, -lens / self.focus_distance),
+            Projection::Perspective => (lens, at - lens / now.focus_distance),
+            Projection::Orthographic => (at + lens, -lens / now.focus_distance),
         };
+        let (from, dir) = (from.extend(0.0), dir.extend(-1.0));
+        let mut range = self.clipping;
+        if !self.planes.is_empty() {
+            range = self.planes.clip(from, dir, range);
+        }
         let (rotation, position) = self.pose(time);
         Ray {
-            origin: rotation * from.extend(0.0) + position,
-            dir: rotation * dir.extend(-1.0),
+            origin: rotation * from + position,
+            dir: rotation * dir,
             time,
-            t_min: self.clipping[0],
-            t_max: self.clipping[1],
+            t_min: range[0],
+            t_max: range[1],
         }
     }
 
@@ -160,7 +215,7 @@ impl Camera {
             Projection::Perspective => return None,
             Projection::Orthographic => p.truncate(),
         };
-        Some(self.window.unit(at) * self.size())
+        Some(self.lens(time).window.unit(at) * self.size())
     }
 
     /// Camera-space position of a world-space point (relative to [`Camera::origin`]) at `time`.
@@ -190,14 +245,17 @@ impl Camera {
     pub fn raster_view(&self, time: f64) -> RasterView {
         let camera_to_world: DAffine3 = self.poses.at(time);
         let size = self.size();
-        RasterView {
+        let window = self.lens(time as f32).window;
+        let mut view = RasterView {
             world_to_camera: camera_to_world.inverse(),
-            scale: size / self.window.size(),
-            centre: self.window.unit(Vec2::ZERO) * size,
+            scale: size / window.size(),
+            centre: window.unit(Vec2::ZERO) * size,
             orthographic: self.projection == Projection::Orthographic,
             near: self.clipping[0],
             size,
-        }
+        };
+        view.widen(self.data_window);
+        view
     }
 
     fn size(&self) -> Vec2 {
@@ -215,52 +273,6 @@ fn usable_clipping(clipping: [f64; 2]) -> ([f32; 2], Option<String>) {
     }
     let text = format!("clippingRange ({near}, {far}) is empty; (1, 1000000) is used");
     ([1.0, 1_000_000.0], Some(text))
-}
-
-fn lens_radius(desc: &CameraDesc, settings: &RenderSettings) -> (f32, Option<String>) {
-    if settings.disable_defocus || desc.f_stop == 0.0 {
-        return (0.0, None);
-    }
-    let radius = desc.focal_length / (2.0 * desc.f_stop);
-    if !(radius.is_finite() && radius > 0.0) {
-        let text = format!(
-            "fStop {} with focal length {} gives no lens; a pinhole is used",
-            desc.f_stop, desc.focal_length
-        );
-        return (0.0, Some(text));
-    }
-    if !(desc.focus_distance.is_finite() && desc.focus_distance > 0.0) {
-        let text = format!(
-            "fStop is {} but focusDistance is {}; with no distance in focus, a pinhole is used",
-            desc.f_stop, desc.focus_distance
-        );
-        return (0.0, Some(text));
-    }
-    (radius as f32, None)
-}
-
-fn usable_exposure(scale: f64, notes: &mut CameraNotes) -> f32 {
-    if scale.is_finite() && scale >= 0.0 {
-        return scale as f32;
-    }
-    notes.push(format!("exposure scale {scale} is not usable; 1 is used"));
-    1.0
-}
-
-/// Unit square to unit disk, keeping strata together (Shirley and Chiu, "A Low Distortion Map
-/// Between Disk and Square", JGT 1997).
-pub fn concentric_disk(u: f32, v: f32) -> Vec2 {
-    use std::f32::consts::{FRAC_PI_2, FRAC_PI_4};
-    let p = Vec2::new(2.0 * u - 1.0, 2.0 * v - 1.0);
-    if p == Vec2::ZERO {
-        return Vec2::ZERO;
-    }
-    let (r, angle) = if p.x.abs() > p.y.abs() {
-        (p.x, FRAC_PI_4 * (p.y / p.x))
-    } else {
-        (p.y, FRAC_PI_2 - FRAC_PI_4 * (p.x / p.y))
-    };
-    Vec2::new(angle.cos(), angle.sin()) * r
 }
 
 #[cfg(test)]

@@ -2,7 +2,8 @@
 
 use glam::Vec2;
 
-use crate::scene::{CameraDesc, Projection, RenderSettings, WindowPolicy};
+use super::lens::Film;
+use crate::scene::{RenderSettings, WindowPolicy};
 
 /// A rectangle on the plane at depth 1 (perspective) or in camera space (orthographic), y up.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -11,53 +12,46 @@ pub struct Window {
     max: Vec2,
 }
 
-impl Window {
-    /// The camera's window, conformed to the image's aspect ratio. Conforming scales about the
-    /// window's centre.
-    pub fn new(desc: &CameraDesc, settings: &RenderSettings) -> (Self, Option<String>) {
+/// How a film back meets the image.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Framing {
+    /// Width over height of the image, pixels' own shape included.
+    aspect: f64,
+    policy: WindowPolicy,
+}
+
+impl Framing {
+    pub fn new(settings: &RenderSettings) -> Self {
         let [width, height] = settings.resolution;
         let pixel_aspect = f64::from(settings.pixel_aspect);
         let usable_aspect = pixel_aspect.is_finite() && pixel_aspect > 0.0;
-        let image_aspect = f64::from(width.max(1)) / f64::from(height.max(1))
-            * if usable_aspect { pixel_aspect } else { 1.0 };
-        let perspective = desc.projection == Projection::Perspective;
-        let distance = if perspective { desc.focal_length } else { 1.0 };
-        let lengths = [desc.horizontal_aperture, desc.vertical_aperture, distance];
-        let offsets = [
-            desc.horizontal_aperture_offset,
-            desc.vertical_aperture_offset,
-        ];
-        let usable = lengths.iter().all(|x| x.is_finite() && *x > 0.0)
-            && offsets.iter().all(|x| x.is_finite());
-        if !usable {
-            let fallback = CameraDesc {
-                projection: desc.projection,
-                ..CameraDesc::default()
-            };
-            let text = format!(
-                "apertures {} x {} with focal length {} give no view; the default is used",
-                desc.horizontal_aperture, desc.vertical_aperture, desc.focal_length
-            );
-            return (Self::new(&fallback, settings).0, Some(text));
+        Self {
+            aspect: f64::from(width.max(1)) / f64::from(height.max(1))
+                * if usable_aspect { pixel_aspect } else { 1.0 },
+            policy: settings.window_policy,
         }
-        let mut half = [lengths[0] / distance / 2.0, lengths[1] / distance / 2.0];
-        conform(&mut half, image_aspect, settings.window_policy);
-        let centre = offsets.map(|x| x / distance);
+    }
+
+    /// The film's window, conformed to the image's aspect ratio. Conforming scales about the
+    /// window's centre.
+    pub fn window(&self, film: &Film) -> Window {
+        let mut half = film.half.map(|x| x / film.distance);
+        conform(&mut half, self.aspect, self.policy);
+        let centre = film.offset.map(|x| x / film.distance);
         let corner = |sign: f64| {
             Vec2::new(
                 (centre[0] + sign * half[0]) as f32,
                 (centre[1] + sign * half[1]) as f32,
             )
         };
-        (
-            Self {
-                min: corner(-1.0),
-                max: corner(1.0),
-            },
-            None,
-        )
+        Window {
+            min: corner(-1.0),
+            max: corner(1.0),
+        }
     }
+}
 
+impl Window {
     /// Width and height.
     pub fn size(&self) -> Vec2 {
         self.max - self.min

@@ -5,4 +5,4 @@
 
 pub mod basis;
 
-pub use basis::CurveKind;
+pub use basis::ShutterCurveKind;

@@ -41,6 +41,25 @@ const LONGEST: f32 = 1.0e9;
 /// Half-spaces that a position lies outside of, as bits.
 const BEHIND: u8 = 1 << 4;
 
+impl RasterView {
+    /// Counts the pixels from corner `window[0]` to `window[1]` as image too, where they reach
+    /// beyond the margin that the image has in any case: a little overscan dices as none does.
+    pub fn widen(&mut self, window: [Vec2; 2]) {
+        let [min, max] = window;
+        let reach = (min - self.centre).abs().max((max - self.centre).abs());
+        if reach.cmpgt(self.reach() * (1.0 + MARGIN_SHARE)).any() {
+            let origin = min.min(Vec2::ZERO);
+            self.size = max.max(self.size) - origin;
+            self.centre -= origin;
+        }
+    }
+
+    /// How far the image reaches from the axis, pixels; the larger of two sides.
+    fn reach(&self) -> Vec2 {
+        self.centre.abs().max((self.size - self.centre).abs())
+    }
+}
+
 #[derive(Clone, Copy, Debug)]
 struct LocalView {
     rotation: Mat3,
@@ -149,7 +168,7 @@ impl RasterMetric {
 impl LocalView {
     fn new(view: &RasterView, origin: DVec3) -> Self {
         let m = &view.world_to_camera;
-        let reach = view.centre.abs().max((view.size - view.centre).abs());
+        let reach = view.reach();
         let bounded = view.size.min_element() > 0.0 && reach.is_finite();
         Self {
             rotation: m.matrix3.as_mat3(),

@@ -58,8 +58,8 @@ fn write_settings(page: &mut Page, settings: &RenderSettings) {
         page.line(&format!("resolution {width} {height}"));
         page.line(&format!("pixel aspect {}", number(settings.pixel_aspect)));
         page.line(&format!("window policy {:?}", settings.window_policy));
-        if let Some([x0, y0, x1, y1]) = settings.crop {
-            page.line(&format!("crop {x0} {y0} {x1} {y1}"));
+        if let Some([x0, y0, x1, y1]) = settings.data_window {
+            page.line(&format!("data window {x0} {y0} {x1} {y1}"));
         }
         page.line(&format!("samples {}", settings.samples));
         page.line(&format!("shading rate {}", number(settings.shading_rate)));

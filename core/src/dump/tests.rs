@@ -90,3 +90,43 @@ fn a_scene_without_a_camera_is_told_at_the_frame() {
     );
     assert!(!text.contains("points at 1"));
 }
+
+#[test]
+fn a_lens_is_told_once_or_at_its_keys() {
+    let mut scene = scene();
+    let edit = |scene: &mut Scene, change: &dyn Fn(&mut CameraDesc)| {
+        change(Arc::make_mut(scene.cameras.get_mut(&PrimId(3)).unwrap()));
+        dump(scene)
+    };
+    let sample = |time, focus_distance| crate::scene::LensSample {
+        time,
+        focus_distance,
+        ..CameraDesc::default().lens()
+    };
+    // Other samples, the same lens over the shutter of -0.25 to 0.25.
+    let rack = edit(&mut scene, &|c| {
+        c.lens_samples = vec![sample(-0.25, 2.0), sample(0.25, 4.0)];
+    });
+    assert!(
+        rack.contains("  lens at 0\n    aperture and offset"),
+        "{rack}"
+    );
+    assert!(rack.contains("    focus distance 4\n"), "{rack}");
+    let longer = edit(&mut scene, &|c| {
+        c.lens_samples = vec![sample(1.0, 7.0), sample(-1.0, -1.0)];
+    });
+    assert_eq!(rack, longer);
+    let plain = edit(&mut scene, &|c| c.lens_samples = vec![sample(5.0, 0.0)]);
+    assert!(!plain.contains("lens at"), "{plain}");
+    let all = edit(&mut scene, &|c| {
+        c.aperture.blades = 5;
+        c.shutter_curve.points = vec![[0.0, 0.0], [1.0, 1.0]];
+        c.clipping_planes = vec![[0.0, 0.0, -1.0, -2.0]];
+    });
+    assert!(
+        all.contains("  blades 5, turned 0, ratio 1, roundness 0\n"),
+        "{all}"
+    );
+    assert!(all.contains("  shutter curve 2: (0 0) (1 1)\n"), "{all}");
+    assert!(all.contains("  clipping plane 0 0 -1 -2\n"), "{all}");
+}

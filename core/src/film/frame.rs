@@ -4,6 +4,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use super::tile::{Keeps, Tile};
 use crate::aov::{Aov, AovData, AovImage};
+use crate::scene::settings::union;
 
 /// Side of a tile in pixels.
 pub const TILE_SIZE: u32 = 16;
@@ -17,9 +18,12 @@ pub enum FrameError {
     /// Zero or absurd resolution.
     #[error("resolution {0} x {1} is not between 1 x 1 and 65536 x 65536")]
     Resolution(u32, u32),
-    /// The crop leaves no pixel.
-    #[error("the crop window holds no pixel of the image")]
-    Crop,
+    /// The data window holds no pixel, or reaches too far.
+    #[error(
+        "the data window from {0}, {1} to {2}, {3} holds no pixel, or reaches farther than 65536 \
+         pixels"
+    )]
+    DataWindow(i32, i32, i32, i32),
     /// No memory for the film.
     #[error("no memory for a film of {0} MiB")]
     OutOfMemory(u64),
@@ -28,21 +32,24 @@ pub enum FrameError {
 /// The film. Any thread may read while others render.
 #[derive(Debug)]
 pub struct Frame {
-    resolution: [u32; 2],
+    /// Pixels that hosts see: the image and the data window.
+    window: [i32; 4],
+    data_window: [i32; 4],
     aovs: Vec<Aov>,
     keeps: Keeps,
     tiles: Vec<Mutex<Tile>>,
 }
 
 impl Frame {
-    /// An empty film of `resolution` that keeps `aovs`; only the pixels inside `crop` (x0, y0, x1, y1,
-    /// half open) are ever filled, and take memory.
+    /// An empty film of `resolution` that keeps `aovs`. Only the pixels of `data_window` (x0, y0, x1,
+    /// y1, half open, relative to the image's top left) are ever filled, and take memory; it may
+    /// lie inside the image (a crop), beyond it (overscan), or both. Without one it is the image.
     ///
     /// # Errors
-    /// Resolutions and crops that hold no pixel, or more than memory does.
+    /// Resolutions and windows that hold no pixel, or more than memory does.
     pub fn new(
         resolution: [u32; 2],
-        crop: Option<[u32; 4]>,
+        data_window: Option<[i32; 4]>,
         aovs: &[Aov],
     ) -> Result<Self, FrameError> {
         let [width, height] = resolution;
@@ -50,16 +57,25 @@ impl Frame {
         if !(usable.contains(&width) && usable.contains(&height)) {
             return Err(FrameError::Resolution(width, height));
         }
-        let [x0, y0, x1, y1] = crop.unwrap_or([0, 0, width, height]);
-        let (x1, y1) = (x1.min(width), y1.min(height));
-        if x0 >= x1 || y0 >= y1 {
-            return Err(FrameError::Crop);
+        let image = [0, 0, width as i32, height as i32];
+        let data_window = data_window.unwrap_or(image);
+        let [x0, y0, x1, y1] = data_window;
+        let window = union(image, data_window);
+        let most = LARGEST_RESOLUTION as i32;
+        if x0 >= x1
+            || y0 >= y1
+            || window.iter().any(|x| x.unsigned_abs() > LARGEST_RESOLUTION)
+            || window[2] - window[0] > most
+            || window[3] - window[1] > most
+        {
+            return Err(FrameError::DataWindow(x0, y0, x1, y1));
         }
         let mut aovs = aovs.to_vec();
         aovs.sort();
         aovs.dedup();
         let keeps = Keeps::of(&aovs);
-        let bytes = u64::from(x1 - x0) * u64::from(y1 - y0) * keeps.bytes() as u64;
+        let pixels = u64::from(x0.abs_diff(x1)) * u64::from(y0.abs_diff(y1));
+        let bytes = pixels * keeps.bytes() as u64;
         // Rust aborts when an allocation fails, so ask for the whole first.
         let mut probe: Vec<u8> = Vec::new();
         let refused = usize::try_from(bytes).map_or(true, |n| probe.try_reserve_exact(n).is_err());
@@ -67,36 +83,39 @@ impl Frame {
             return Err(FrameError::OutOfMemory(bytes >> 20));
         }
         drop(probe);
-        // Tiles lie on a grid of the whole image, so that a crop renders the same samples in the same
-        // batches.
+        // Tiles lie on a grid of the whole plane, so that any window renders the same samples in the
+        // same batches.
+        let side = TILE_SIZE as i32;
+        let starts = |from: i32, to: i32| from.div_euclid(side)..=(to - 1).div_euclid(side);
+        let span = |at: i32, from: i32, to: i32| {
+            let first = (at * side).max(from);
+            (first, first.abs_diff(((at + 1) * side).min(to)))
+        };
         let mut tiles = Vec::new();
-        for ty in (y0 / TILE_SIZE)..y1.div_ceil(TILE_SIZE) {
-            for tx in (x0 / TILE_SIZE)..x1.div_ceil(TILE_SIZE) {
-                let (left, top) = ((tx * TILE_SIZE).max(x0), (ty * TILE_SIZE).max(y0));
-                let (right, bottom) = (
-                    ((tx + 1) * TILE_SIZE).min(x1),
-                    ((ty + 1) * TILE_SIZE).min(y1),
-                );
-                tiles.push(Mutex::new(Tile::new(
-                    left,
-                    top,
-                    right - left,
-                    bottom - top,
-                    keeps,
-                )));
+        for ty in starts(y0, y1) {
+            for tx in starts(x0, x1) {
+                let ((left, width), (top, height)) = (span(tx, x0, x1), span(ty, y0, y1));
+                tiles.push(Mutex::new(Tile::new(left, top, width, height, keeps)));
             }
         }
         Ok(Self {
-            resolution,
+            window,
+            data_window,
             aovs,
             keeps,
             tiles,
         })
     }
 
-    /// Width and height in pixels.
-    pub fn resolution(&self) -> [u32; 2] {
-        self.resolution
+    /// Pixels that [`Frame::aov`] gives: the smallest rectangle around the image and the data window,
+    /// x0, y0, x1, y1, half open, relative to the image's top left.
+    pub fn window(&self) -> [i32; 4] {
+        self.window
+    }
+
+    /// Pixels that are rendered, as [`Frame::window`].
+    pub fn data_window(&self) -> [i32; 4] {
+        self.data_window
     }
 
     /// AOVs that are kept.
@@ -137,17 +156,19 @@ impl Frame {
             .unwrap_or(0)
     }
 
-    /// Pixels of an AOV as they stand; `None` for one that is not kept. Pixels outside the crop are
-    /// background.
+    /// Pixels of an AOV as they stand; `None` for one that is not kept. Pixels outside the data
+    /// window are background.
     pub fn aov(&self, aov: Aov) -> Option<AovImage> {
         if !self.aovs.contains(&aov) {
             return None;
         }
-        let [width, height] = self.resolution;
+        let [x0, y0, x1, y1] = self.window;
+        let (width, height) = (x0.abs_diff(x1), y0.abs_diff(y1));
         let components = aov.components();
         let length = width as usize * height as usize * components;
         let pixels = |tile: &Tile| {
-            let (x, y, w) = (tile.x as usize, tile.y as usize, tile.width as usize);
+            let (x, y) = (x0.abs_diff(tile.x) as usize, y0.abs_diff(tile.y) as usize);
+            let w = tile.width as usize;
             let count = w * tile.height as usize;
             (0..count).map(move |i| (i, (y + i / w) * width as usize + x + i % w))
         };
@@ -176,6 +197,7 @@ impl Frame {
             AovData::F32(data)
         };
         Some(AovImage {
+            origin: [x0, y0],
             width,
             height,
             components,
@@ -282,7 +304,51 @@ mod tests {
             new([70_000, 5], None),
             Some(FrameError::Resolution(70_000, 5))
         );
-        assert_eq!(new([8, 8], Some([8, 0, 9, 9])), Some(FrameError::Crop));
+        for [x0, y0, x1, y1] in [
+            [8, 0, 8, 9],
+            [0, 5, 8, 4],
+            [-1, 0, 65_536, 8],
+            [0, i32::MIN, 8, 8],
+            [0, 0, i32::MAX, 8],
+        ] {
+            let refused = Some(FrameError::DataWindow(x0, y0, x1, y1));
+            assert_eq!(new([8, 8], Some([x0, y0, x1, y1])), refused);
+        }
         assert!(new([8, 8], Some([2, 2, 100, 100])).is_none());
+    }
+
+    #[test]
+    fn windows_inside_around_and_beside_the_image() {
+        for (data, window) in [
+            ([2, 3, 20, 30], [0, 0, 40, 40]),
+            ([-17, -1, 41, 57], [-17, -1, 41, 57]),
+            ([-40, 50, -20, 60], [-40, 0, 40, 60]),
+        ] {
+            let frame = Frame::new([40, 40], Some(data), &[Aov::SampleCount]).unwrap();
+            assert_eq!((frame.window(), frame.data_window()), (window, data));
+            let mut pixels = 0;
+            for i in 0..frame.tile_count() {
+                let mut tile = frame.tile(i);
+                tile.samples = 1;
+                pixels += tile.width * tile.height;
+                assert!(tile.width <= TILE_SIZE && tile.height <= TILE_SIZE);
+                let last = tile.x + tile.width as i32 - 1;
+                let side = TILE_SIZE as i32;
+                assert_eq!(tile.x.div_euclid(side), last.div_euclid(side));
+            }
+            let [x0, y0, x1, y1] = data;
+            assert_eq!(pixels as i32, (x1 - x0) * (y1 - y0));
+            let image = frame.aov(Aov::SampleCount).unwrap();
+            assert_eq!(image.origin, [window[0], window[1]]);
+            let AovData::I32(counts) = image.data else {
+                panic!("counts");
+            };
+            for (i, count) in counts.iter().enumerate() {
+                let x = window[0] + i as i32 % image.width as i32;
+                let y = window[1] + i as i32 / image.width as i32;
+                let inside = (x0..x1).contains(&x) && (y0..y1).contains(&y);
+                assert_eq!(*count, i32::from(inside), "{x} {y}");
+            }
+        }
     }
 }

@@ -106,9 +106,9 @@ impl Keeps {
 #[derive(Clone, Debug)]
 pub struct Tile {
     /// Left pixel.
-    pub x: u32,
+    pub x: i32,
     /// Top pixel.
-    pub y: u32,
+    pub y: i32,
     /// Width.
     pub width: u32,
     /// Height.
@@ -124,7 +124,7 @@ pub struct Tile {
 
 impl Tile {
     /// An empty tile.
-    pub fn new(x: u32, y: u32, width: u32, height: u32, keeps: Keeps) -> Self {
+    pub fn new(x: i32, y: i32, width: u32, height: u32, keeps: Keeps) -> Self {
         let n = (width * height) as usize;
         let count = |keep: bool| if keep { n } else { 0 };
         let no_point = PointSample {

@@ -6,7 +6,7 @@
 use glam::{Vec2, Vec3};
 
 use super::prepared::Prepared;
-use crate::camera::concentric_disk;
+use crate::camera::opening::Times;
 use crate::film::filter::Filter;
 use crate::film::tile::{FirstHit, Keeps, Sample, Tile};
 use crate::sample::PixelSampler;
@@ -25,6 +25,7 @@ pub(super) struct Integrator<'a> {
     prepared: &'a Prepared,
     sampler: PixelSampler,
     filter: Filter,
+    times: Times,
     keeps: Keeps,
     irradiance: f32,
 }
@@ -54,6 +55,7 @@ impl<'a> Integrator<'a> {
             prepared,
             sampler: PixelSampler::new(settings.samples, settings.seed),
             filter: Filter::new(settings.filter, width),
+            times: Times::new(prepared.camera.opening(), settings.time_window),
             keeps,
             irradiance: irradiance * prepared.camera.exposure_scale(),
         }
@@ -79,12 +81,10 @@ impl<'a> Integrator<'a> {
                 let pixels: Vec<_> = (by..(by + BLOCK).min(tile.height))
                     .flat_map(|y| (bx..(bx + BLOCK).min(tile.width)).map(move |x| (x, y)))
                     .map(|(x, y)| {
-                        let pixel = [tile.x + x, tile.y + y];
-                        (
-                            (y * tile.width + x) as usize,
-                            pixel,
-                            self.sampler.pixel(pixel),
-                        )
+                        let pixel = [tile.x + x as i32, tile.y + y as i32];
+                        // Pixels left of the image and above it have numbers of their own too.
+                        let pattern = self.sampler.pixel(pixel.map(i32::cast_unsigned));
+                        ((y * tile.width + x) as usize, pixel, pattern)
                     })
                     .collect();
                 for index in range.clone() {
@@ -103,7 +103,7 @@ impl<'a> Integrator<'a> {
     }
 
     /// The ray of a sample whose pixel, lens and time were drawn jointly.
-    fn generate(&self, pixel: [u32; 2], drawn: [f32; 5]) -> Job {
+    fn generate(&self, pixel: [i32; 2], drawn: [f32; 5]) -> Job {
         let plan = &self.prepared.plan;
         let settings = &self.prepared.settings;
         let [x, y, u, v, time] = drawn;
@@ -112,11 +112,10 @@ impl<'a> Integrator<'a> {
         let lens = match settings.lens_point {
             _ if !plan.has_lens() => Vec2::ZERO,
             Some([u, v]) => Vec2::new(u, v),
-            None => concentric_disk(u, v),
+            None => self.prepared.camera.lens_point(u, v),
         };
         let time = if plan.has_time() {
-            let [a, b] = settings.time_window;
-            a + (b - a) * time
+            self.times.at(time)
         } else {
             0.0
         };
@@ -162,6 +161,9 @@ impl<'a> Integrator<'a> {
                 break;
             }
             hit = self.prepared.world.trace_after(&job.ray, &hit, counts);
+        }
+        if self.prepared.camera.lens_changes() {
+            color *= self.prepared.camera.lens(job.ray.time).exposure;
         }
         let alpha = 1.0 - transmittance - held_out;
         Sample {

@@ -300,6 +300,7 @@ pub(super) fn same_dicing(
         && old.shading_rate == settings.shading_rate
         && old.max_micropolygons == settings.max_micropolygons
         && old.curves == settings.curves
+        && old.window() == settings.window()
 }
 
 /// True when two descriptions of a prim give the same objects: ids and visibility do not matter.
@@ -391,6 +392,7 @@ fn plan_effects(
         plan.lens_radius = camera.lens_radius();
         plan.lens_by = Some(camera_desc.path.clone());
     }
+    plan.lens_changes = camera.lens_changes();
     plan.matte_by = placed.clone().find(|p| p.matte).map(|p| p.path.clone());
     plan.transparency_by = placed
         .clone()

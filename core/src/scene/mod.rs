@@ -13,7 +13,9 @@ pub mod settings;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-pub use camera::{CameraDesc, Projection};
+pub use camera::{
+    ApertureDesc, CameraDesc, LensSample, Projection, ShutterCurveDesc, ShutterCurveKind,
+};
 pub use geometry::{
     Axis, CurveBasis, CurveForm, CurveWrap, CurvesDesc, Geometry, GridsDesc, ImplicitDesc,
     ImplicitKind, MeshDesc, PointsSamples, Rates, Samples, SpheresDesc,

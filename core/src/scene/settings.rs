@@ -49,8 +49,10 @@ pub enum WindowPolicy {
 pub struct RenderSettings {
     /// Image width and height, pixels.
     pub resolution: [u32; 2],
-    /// Pixels to render: x0, y0, x1, y1, half open, y down from the top; the rest stays empty.
-    pub crop: Option<[u32; 4]>,
+    /// Pixels to render: x0, y0, x1, y1, half open, relative to the image's top left, y down; all of
+    /// the image where there is none. Inside the image it is a crop, and the rest stays empty; what
+    /// lies outside (below 0, beyond the resolution) is overscan.
+    pub data_window: Option<[i32; 4]>,
     /// Pixel width over height.
     pub pixel_aspect: f32,
     /// Window policy.
@@ -78,7 +80,8 @@ pub struct RenderSettings {
     pub camera_light: bool,
     /// Part of the shutter that samples are drawn from, in [0, 1]; dicing still sees all of it.
     pub time_window: [f32; 2],
-    /// A fixed point on the unit lens disk for every sample, in place of drawing one.
+    /// A fixed point of the lens for every sample, in place of drawing one: in units of the round
+    /// lens' radius, whatever the aperture's shape.
     pub lens_point: Option<[f32; 2]>,
     /// Most micropolygons that dicing may make; beyond it rates are coarsened with a warning.
     pub max_micropolygons: u64,
@@ -88,11 +91,32 @@ pub struct RenderSettings {
     pub aovs: Vec<String>,
 }
 
+impl RenderSettings {
+    /// The smallest rectangle around the image and the data window, as [`Self::data_window`].
+    pub fn window(&self) -> [i32; 4] {
+        let [width, height] = self
+            .resolution
+            .map(|x| i32::try_from(x).unwrap_or(i32::MAX));
+        let image = [0, 0, width, height];
+        self.data_window.map_or(image, |data| union(image, data))
+    }
+}
+
+/// The smallest rectangle (x0, y0, x1, y1) around two.
+pub fn union(a: [i32; 4], b: [i32; 4]) -> [i32; 4] {
+    [
+        a[0].min(b[0]),
+        a[1].min(b[1]),
+        a[2].max(b[2]),
+        a[3].max(b[3]),
+    ]
+}
+
 impl Default for RenderSettings {
     fn default() -> Self {
         Self {
             resolution: [960, 540],
-            crop: None,
+            data_window: None,
             pixel_aspect: 1.0,
             window_policy: WindowPolicy::default(),
             samples: 64,

@@ -113,6 +113,7 @@ fn chord_tolerance(
 ) -> f64 {
     let finest = key_times
         .iter()
+        .chain(camera.key_times())
         .map(|&t| {
             let m = matrix(t);
             let scale = super::measure::largest_scale(&m).max(f64::MIN_POSITIVE);

@@ -3,23 +3,30 @@
 The choice is usdrecord's: the camera that was asked for, else the render settings' camera, else
 the first prim with the primary camera's name, else a camera that frames the stage's bounds.
 UsdGeomCamera gives apertures and focal length in tenths of scene units, focusDistance in units.
+Blades, shutter curve and changing lenses are read by `lens`.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdRender, UsdUtils
 
 from .errors import SceneError, UsageError
 from .guard import FAULTS, fallback, number_or_fallback, reason
+from .lens import (
+    APERTURE_UNIT,
+    Aperture,
+    ShutterCurve,
+    read_aperture,
+    read_lens,
+    read_lens_samples,
+    read_shutter_curve,
+)
 from .log import SceneLog
 from .shutter import Shutter
 from .targets import prim_at, targets_of
 from .transforms import Level, TransformReader, static_level
-
-APERTURE_UNIT = 0.1
-"""Scene units of one unit of aperture or focal length."""
 
 LARGEST_BOUND = 1e12
 """Scene units: a prim that reaches farther from the origin is left out of the framing."""
@@ -42,6 +49,11 @@ class CameraState:
     clipping: tuple[float, float]
     shutter: tuple[float, float]
     exposure_scale: float
+    aperture: Aperture = field(default_factory=Aperture)
+    shutter_curve: ShutterCurve = field(default_factory=ShutterCurve)
+    clipping_planes: np.ndarray = field(default_factory=lambda: np.zeros((0, 4)))
+    lens_samples: list[tuple[float, dict[str, float]]] = field(default_factory=list)
+    """Times relative to the frame, and the numbers above at each; none: they do not change."""
 
     @property
     def aspect(self) -> float:
@@ -141,25 +153,17 @@ def read_camera(
 ) -> CameraState:
     """The camera at the frame; what cannot be read falls back, with a warning."""
     time = shutter.time
-
-    def number(attribute, factor=1.0):
-        return number_or_fallback(attribute, time, log) * factor
-
-    _warn_unsupported(camera, time, log)
     return CameraState(
         path=str(camera.GetPath()),
         levels=transforms.levels(camera.GetPrim()),
         projection=_projection(camera, time, log),
-        horizontal_aperture=number(camera.GetHorizontalApertureAttr(), APERTURE_UNIT),
-        vertical_aperture=number(camera.GetVerticalApertureAttr(), APERTURE_UNIT),
-        horizontal_aperture_offset=number(camera.GetHorizontalApertureOffsetAttr(), APERTURE_UNIT),
-        vertical_aperture_offset=number(camera.GetVerticalApertureOffsetAttr(), APERTURE_UNIT),
-        focal_length=number(camera.GetFocalLengthAttr(), APERTURE_UNIT),
-        focus_distance=number(camera.GetFocusDistanceAttr()),
-        f_stop=number(camera.GetFStopAttr()),
+        **read_lens(camera, time, log),
         clipping=_clipping(camera, time, log),
         shutter=(shutter.open, shutter.close),
-        exposure_scale=_exposure_scale(camera, time, log),
+        aperture=read_aperture(camera, time, log),
+        shutter_curve=read_shutter_curve(camera, time, log),
+        clipping_planes=_clipping_planes(camera, time, log),
+        lens_samples=read_lens_samples(camera, shutter, log),
     )
 
 
@@ -186,19 +190,15 @@ def _clipping(camera: UsdGeom.Camera, time: Usd.TimeCode, log: SceneLog) -> tupl
     return near, far
 
 
-def _exposure_scale(camera: UsdGeom.Camera, time: Usd.TimeCode, log: SceneLog) -> float:
+def _clipping_planes(camera: UsdGeom.Camera, time: Usd.TimeCode, log: SceneLog) -> np.ndarray:
+    """clippingPlanes, (n, 4), in camera space."""
     try:
-        return float(camera.ComputeLinearExposureScale(time))
+        value = camera.GetClippingPlanesAttr().Get(time)
+        return np.array(value or (), dtype=np.float64).reshape(-1, 4)
     except FAULTS as error:
-        text = f"its exposure cannot be read ({reason(error)}); 1 is used"
+        text = f"clippingPlanes cannot be read ({reason(error)}); there are none"
         log.warn(camera.GetPath(), "type", text)
-        return 1.0
-
-
-def _warn_unsupported(camera: UsdGeom.Camera, time: Usd.TimeCode, log: SceneLog) -> None:
-    if camera.GetClippingPlanesAttr().Get(time):
-        text = "clippingPlanes are not supported yet: only clippingRange clips"
-        log.warn(camera.GetPath(), "unsupported-clipping-planes", text)
+        return np.zeros((0, 4))
 
 
 def _sane_bounds(cache: UsdGeom.BBoxCache, root: Usd.Prim) -> Gf.Range3d:

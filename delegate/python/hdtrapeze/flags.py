@@ -214,6 +214,13 @@ def _add_render_flags(group) -> None:
         metavar=("X0", "Y0", "X1", "Y1"),
         help="render only this part: whole numbers are pixels, 0.0 to 1.0 fractions; y down",
     )
+    add(
+        "--overscan",
+        type=_number,
+        metavar="PIXELS",
+        help="also render so much on each side of the image: whole numbers are pixels, others "
+        "fractions of its size; in an EXR, as its data window",
+    )
     add("--threads", type=int, metavar="N", help="default: all cores")
     add("--backend", choices=tuple(BACKENDS), help="default: auto")
 

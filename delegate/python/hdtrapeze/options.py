@@ -61,9 +61,12 @@ class Options:
     threads: int = 0
     crop: tuple[float, float, float, float] | None = None
     """x0, y0, x1, y1, half open, y down: pixels (all int), or fractions (float)."""
+    overscan: float = 0
+    """Rendered around the image on each side: pixels (int), or a fraction of the image's width to
+    the left and right and of its height above and below (float)."""
     data_window_ndc: tuple[float, float, float, float] | None = None
     """UsdRender's dataWindowNDC: xmin, ymin, xmax, ymax, y up, 0 to 1 is the image. A pixel whose
-    centre is inside is rendered. The crop takes its place."""
+    centre is inside is rendered. Crop and overscan take its place."""
     backend: str = "auto"
     camera: str | None = None
     purposes: list[str] = field(default_factory=lambda: ["proxy"])
@@ -135,6 +138,9 @@ class Options:
             require(0 <= x0 < x1 and 0 <= y0 < y1, "The crop must have x0 < x1 and y0 < y1.")
             if any(isinstance(value, float) for value in self.crop):
                 require(x1 <= 1 and y1 <= 1, "A crop in fractions must lie within 0 to 1.")
+            require(not self.overscan, "A crop and overscan contradict each other.")
+        most = 1 << 15 if isinstance(self.overscan, int) else 2.0
+        require(0 <= self.overscan <= most, f"The overscan must be from 0 to {most:g}.")
         if self.data_window_ndc is not None:
             x0, y0, x1, y1 = self.data_window_ndc
             require(x0 < x1 and y0 < y1, "The data window must have xmin < xmax and ymin < ymax.")
@@ -155,22 +161,37 @@ class Options:
             return self.pixel_aspect
         return aspect * height / width
 
-    def crop_pixels(self, width: int, height: int) -> tuple[int, int, int, int]:
-        """The crop in pixels; all zero for the whole image."""
-        if self.crop is None and self.data_window_ndc is not None:
+    def data_window(self, width: int, height: int) -> tuple[int, int, int, int]:
+        """Pixels to render, x0, y0, x1, y1, half open, y down; all zero for the whole image."""
+        if self.crop is not None:
+            window = self._crop_pixels(width, height)
+        elif self.overscan:
+            x = y = self.overscan
+            if isinstance(x, float):
+                x, y = round(x * width), round(y * height)
+            window = -x, -y, width + x, height + y
+        elif self.data_window_ndc is not None:
             left, bottom, right, top = self.data_window_ndc
             # Pixel i has its centre at i + 1/2.
-            x0, x1 = max(math.ceil(left * width - 0.5), 0), math.ceil(right * width - 0.5)
-            y0, y1 = math.ceil((1.0 - top) * height - 0.5), math.ceil((1.0 - bottom) * height - 0.5)
-            y0 = max(y0, 0)
-        elif self.crop is None:
-            return 0, 0, 0, 0
+            window = (
+                math.ceil(left * width - 0.5),
+                math.ceil((1.0 - top) * height - 0.5),
+                math.ceil(right * width - 0.5),
+                math.ceil((1.0 - bottom) * height - 0.5),
+            )
         else:
-            x0, y0, x1, y1 = self.crop
-        if self.crop and any(isinstance(value, float) for value in self.crop):
+            return 0, 0, 0, 0
+        x0, y0, x1, y1 = window
+        if x0 >= x1 or y0 >= y1:
+            kind = "data window" if self.crop is None else "crop"
+            raise UsageError(f"The {kind} holds no pixel of an image of {width} x {height}.")
+        if max(x1, width) - min(x0, 0) > 1 << 16 or max(y1, height) - min(y0, 0) > 1 << 16:
+            raise UsageError("The image and its overscan span more than 65536 pixels.")
+        return window
+
+    def _crop_pixels(self, width: int, height: int) -> tuple[int, int, int, int]:
+        x0, y0, x1, y1 = self.crop
+        if any(isinstance(value, float) for value in self.crop):
             x0, x1 = round(x0 * width), round(x1 * width)
             y0, y1 = round(y0 * height), round(y1 * height)
-        x1, y1 = min(x1, width), min(y1, height)
-        if x0 >= x1 or y0 >= y1:
-            raise UsageError(f"The crop holds no pixel of an image of {width} x {height}.")
-        return x0, y0, x1, y1
+        return x0, y0, min(x1, width), min(y1, height)

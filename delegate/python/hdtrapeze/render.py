@@ -107,7 +107,7 @@ class Renderer:
         settings = {
             "width": width,
             "height": height,
-            "crop": options.crop_pixels(width, height),
+            "data_window": options.data_window(width, height),
             "pixel_aspect": options.shape_of_pixels(self.camera.aspect, width, height),
             "window_policy": getattr(
                 constants, f"TRZ_WINDOW_{WINDOW_POLICIES[options.window_policy]}"
@@ -176,8 +176,14 @@ class Renderer:
             raise errors[0]
 
     def aov(self, name: str) -> np.ndarray:
-        """An AOV of the last render, rows top down; linear."""
+        """An AOV of the last render, rows top down; linear. With overscan it is larger than the
+        image: see `aov_origin`."""
         return self.session.aov(name)
+
+    def aov_origin(self, name: str) -> tuple[int, int]:
+        """Column and row of the image that the first pixel of `aov(name)` is in; (0, 0) but for
+        overscan."""
+        return self.session.aov_origin(name)
 
     def statistics(self) -> dict[str, float]:
         """Statistics of the last render."""

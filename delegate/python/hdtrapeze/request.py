@@ -111,6 +111,7 @@ def flag_values(args) -> dict:
         "seed": args.seed,
         "threads": args.threads,
         "crop": tuple(args.crop) if args.crop else None,
+        "overscan": args.overscan,
         "backend": "cpu" if args.disableGpu else args.backend,
         "compression": args.compression,
         "pixel_type": "float" if args.float else "half" if args.half else None,

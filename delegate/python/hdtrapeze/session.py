@@ -6,13 +6,13 @@ keeps, so nothing needs to outlive a call. Calls that take long release Python's
 
 import logging
 from collections.abc import Sequence
-from dataclasses import fields
 
 import numpy as np
 
 from . import native
 from .camera import CameraState
 from .errors import SceneError
+from .lens import LENS_ATTRIBUTES
 from .log import SceneLog
 from .mesh import BOUNDARIES, FACE_VARYING, ORIENTATIONS, SCHEMES, TRIANGLES, Points, Topology
 from .primvars import INTERPOLATIONS, Primvar
@@ -20,6 +20,8 @@ from .products import RenderVar
 from .transforms import Level
 
 ffi = native.ffi
+
+LENS_NUMBERS = (*LENS_ATTRIBUTES, "exposure_scale")
 
 ARRAY_TYPES = {np.dtype(np.float32): "float[]", np.dtype(np.float64): "double[]"}
 ARRAY_TYPES |= {np.dtype(np.int32): "int32_t[]", np.dtype(np.uint32): "uint32_t[]"}
@@ -205,15 +207,29 @@ class Session:
         """Sets a camera and renders through it."""
         value = native.new("trz_camera")
         native.check(self._lib.trz_camera_default(value))
+        arrays = _Arrays()
         orthographic = state.projection == "orthographic"
         value.projection = self._value(
             "PROJECTION", "ORTHOGRAPHIC" if orthographic else "PERSPECTIVE"
         )
-        for field in fields(state):
-            if hasattr(value, field.name) and field.name != "projection":
-                setattr(value, field.name, getattr(state, field.name))
+        lenses = arrays.keep(ffi.new("trz_lens_sample[]", len(state.lens_samples)))
+        for lens, (time, numbers) in zip(lenses, state.lens_samples, strict=True):
+            lens.time = time
+            for name, number in numbers.items():
+                setattr(lens, name, number)
+        for name in LENS_NUMBERS:
+            setattr(value, name, getattr(state, name))
+        value.lens_samples, value.lens_sample_count = lenses, len(lenses)
         value.clipping_near, value.clipping_far = state.clipping
         value.shutter_open, value.shutter_close = state.shutter
+        for name, number in vars(state.aperture).items():
+            setattr(value, f"aperture_{name}", number)
+        curve = state.shutter_curve
+        value.shutter_curve_type = self._value("SHUTTER", "BEZIER" if curve.bezier else "LINEAR")
+        value.shutter_curve = arrays.pointer(curve.points)
+        value.shutter_curve_count = len(curve.points)
+        value.clipping_planes = arrays.pointer(state.clipping_planes)
+        value.clipping_plane_count = len(state.clipping_planes)
         self._call("trz_camera_set", camera, value)
         self.set_transform(camera, state.levels)
         self._call("trz_session_set_active_camera", camera)
@@ -281,10 +297,19 @@ class Session:
 
     # Results -------------------------------------------------------------------------------------
 
-    def aov(self, name: str) -> np.ndarray:
-        """A copy of an AOV, (height, width) or (height, width, components), rows top down."""
+    def _describe(self, name: str):
         description = native.new("trz_aov_desc")
         self._call("trz_aov_describe", _text(name), description)
+        return description
+
+    def aov_origin(self, name: str) -> tuple[int, int]:
+        """Column and row of the image that an AOV's first pixel is in: below 0 with overscan."""
+        description = self._describe(name)
+        return description.origin_x, description.origin_y
+
+    def aov(self, name: str) -> np.ndarray:
+        """A copy of an AOV, (height, width) or (height, width, components), rows top down."""
+        description = self._describe(name)
         integers = description.format == self._constants.TRZ_FORMAT_INT32
         shape = (description.height, description.width, description.components)
         array = np.empty(shape, dtype=np.int32 if integers else np.float32)

@@ -25,7 +25,7 @@ use half::f16;
 
 use super::error::{EncodeError, ImageError};
 use super::replace::replace_file;
-use super::{ChannelData, Image, Precision, crop};
+use super::{ChannelData, Image, Precision, crop, size};
 
 /// How real numbers are stored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -64,7 +64,7 @@ pub struct ExrOptions {
 
 /// Writes all layers of `image` to the EXR file `path`, replacing an existing file only once all is written.
 ///
-/// The data window of the file is the image's, inside the display window.
+/// The data window of the file is the image's, whether inside the display window, around it or beside it.
 ///
 /// # Errors
 /// [`ImageError::Io`] where the system refuses (no such folder, no permission, disk full), and
@@ -104,9 +104,9 @@ pub(super) fn encode(
         )));
     }
 
-    let [width, height] = image.window_size();
+    let [width, height] = size(image.data_window);
     let mut layer_attributes = LayerAttributes {
-        layer_position: Vec2(image.data_window[0] as i32, image.data_window[1] as i32),
+        layer_position: Vec2(image.data_window[0], image.data_window[1]),
         ..LayerAttributes::default()
     };
     let mut attributes = ImageAttributes::new(IntegerBounds::from_dimensions((
@@ -151,18 +151,16 @@ fn channel(
     if name.is_empty() || name.ends_with('.') || name.len() > 255 || name.contains('\0') {
         return Err(EncodeError::Invalid(format!("channel name {name:?}")));
     }
-    let window = image.data_window;
+    let (window, part) = (image.window, image.data_window);
     let samples = match data {
-        ChannelData::U32(v) => FlatSamples::U32(crop(v, image.width, window).collect()),
-        ChannelData::I32(v) => FlatSamples::U32(
-            crop(v, image.width, window)
-                .map(i32::cast_unsigned)
-                .collect(),
-        ),
-        ChannelData::F32(v) if is_half => {
-            FlatSamples::F16(crop(v, image.width, window).map(finite_half).collect())
+        ChannelData::U32(v) => FlatSamples::U32(crop(v, window, part).collect()),
+        ChannelData::I32(v) => {
+            FlatSamples::U32(crop(v, window, part).map(i32::cast_unsigned).collect())
         }
-        ChannelData::F32(v) => FlatSamples::F32(crop(v, image.width, window).map(finite).collect()),
+        ChannelData::F32(v) if is_half => {
+            FlatSamples::F16(crop(v, window, part).map(finite_half).collect())
+        }
+        ChannelData::F32(v) => FlatSamples::F32(crop(v, window, part).map(finite).collect()),
     };
     Ok(AnyChannel::new(text(name), samples))
 }

@@ -3,8 +3,9 @@
 //! Where: the last step of a render that writes files; AOV buffers come in whole, as the film resolved them, and a
 //! file appears under its name complete or not at all.
 //!
-//! Conventions of the pixels here: rows from the top down, the full image (not only the data window) in each
-//! channel, colour linear and premultiplied by alpha.
+//! Conventions of the pixels here: rows from the top down, all of the image's window in each channel, colour
+//! linear and premultiplied by alpha. Rectangles are x0, y0, x1, y1, half open, relative to the picture's top left, y
+//! down: the *display window* is the picture, the *data window* what was rendered of it and around it.
 
 mod error;
 mod exr_file;
@@ -17,7 +18,7 @@ pub use error::ImageError;
 pub use exr_file::{ExrCompression, ExrOptions, ExrPixelType, write_exr};
 pub use png_file::{PngColor, PngOptions, write_png};
 
-/// Pixels of one channel, `width * height` of them, rows from the top down.
+/// Pixels of one channel, rows from the top down.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ChannelData {
     /// Real numbers.
@@ -135,8 +136,10 @@ pub struct Image {
     pub height: u32,
     /// Pixel width over height.
     pub pixel_aspect: f32,
-    /// The part that was rendered: x0, y0, x1, y1, half open, y down from the top; inside the image, not empty.
-    pub data_window: [u32; 4],
+    /// The pixels that channels have.
+    pub window: [i32; 4],
+    /// The part that was rendered, inside `window`; not empty.
+    pub data_window: [i32; 4],
     /// AOVs.
     pub layers: Vec<Layer>,
     /// Names and values: camera, frame, settings, timings. EXR stores values that are written as numbers as numbers.
@@ -144,46 +147,44 @@ pub struct Image {
 }
 
 impl Image {
-    /// An image without layers, square pixels, all of it rendered.
+    /// An image without layers, square pixels, all of it rendered and nothing around it.
     pub fn new(width: u32, height: u32) -> Image {
+        let whole = [0, 0, width.cast_signed(), height.cast_signed()];
         Image {
             width,
             height,
             pixel_aspect: 1.0,
-            data_window: [0, 0, width, height],
+            window: whole,
+            data_window: whole,
             layers: Vec::new(),
             metadata: Vec::new(),
         }
     }
 
-    /// Width and height of the data window.
-    fn window_size(&self) -> [usize; 2] {
-        let [x0, y0, x1, y1] = self.data_window;
-        [(x1 - x0) as usize, (y1 - y0) as usize]
-    }
-
     /// Says what is wrong with the image, if anything.
     fn validate(&self) -> Result<(), String> {
-        let [x0, y0, x1, y1] = self.data_window;
         if self.width == 0 || self.height == 0 {
             return Err(format!(
                 "the image is {} by {} pixels",
                 self.width, self.height
             ));
         }
-        if self.width > i32::MAX as u32 || self.height > i32::MAX as u32 {
+        let farthest = self.window.iter().map(|x| x.unsigned_abs()).max();
+        if self.width.max(self.height).max(farthest.unwrap_or(0)) > FARTHEST {
             return Err("the image is too large".to_owned());
         }
-        if x0 >= x1 || y0 >= y1 || x1 > self.width || y1 > self.height {
+        let [x0, y0, x1, y1] = self.data_window;
+        let [left, top, right, bottom] = self.window;
+        if x0 >= x1 || y0 >= y1 || x0 < left || y0 < top || x1 > right || y1 > bottom {
             return Err(format!(
-                "data window {x0} {y0} {x1} {y1} is empty or not inside {} by {} pixels",
-                self.width, self.height
+                "data window {x0} {y0} {x1} {y1} is empty or not inside {left} {top} {right} {bottom}"
             ));
         }
         if !(self.pixel_aspect.is_finite() && self.pixel_aspect > 0.0) {
             return Err(format!("pixel aspect ratio {}", self.pixel_aspect));
         }
-        let pixels = self.width as usize * self.height as usize;
+        let [width, height] = size(self.window);
+        let pixels = width * height;
         for layer in &self.layers {
             for (name, data) in &layer.channels {
                 if data.len() != pixels {
@@ -199,11 +200,24 @@ impl Image {
     }
 }
 
-/// The pixels of `data`, a full image of `width`, that lie in `window`.
-fn crop<T: Copy>(data: &[T], width: u32, window: [u32; 4]) -> impl Iterator<Item = T> {
-    let [x0, y0, x1, y1] = window.map(|v| v as usize);
-    data.chunks_exact(width as usize)
-        .take(y1)
-        .skip(y0)
-        .flat_map(move |row| row[x0..x1].iter().copied())
+/// Farthest that a pixel is from the picture's corner.
+const FARTHEST: u32 = 1 << 30;
+
+/// Width and height.
+fn size([x0, y0, x1, y1]: [i32; 4]) -> [usize; 2] {
+    [x0.abs_diff(x1) as usize, y0.abs_diff(y1) as usize]
+}
+
+/// The pixels of `data`, which covers `window`, that lie in `part`.
+fn crop<T: Copy>(data: &[T], window: [i32; 4], part: [i32; 4]) -> impl Iterator<Item = T> {
+    let [left, top, ..] = window;
+    let (x, y) = (
+        left.abs_diff(part[0]) as usize,
+        top.abs_diff(part[1]) as usize,
+    );
+    let [width, height] = size(part);
+    data.chunks_exact(size(window)[0])
+        .skip(y)
+        .take(height)
+        .flat_map(move |row| row[x..x + width].iter().copied())
 }

@@ -33,7 +33,8 @@ pub struct PngOptions {
 /// Writes one layer of `image` to the PNG file `path`, replacing an existing file only once all is written.
 ///
 /// Layers of four or more channels are colour and alpha (premultiplied), of three or two opaque colour, of one an opaque grey.
-/// The file has the size of the image; outside the data window it is transparent.
+/// The file has the size of the image, without what was rendered around it; outside the data window it is
+/// transparent.
 ///
 /// # Errors
 /// [`ImageError::Io`] where the system refuses (no such folder, no permission, disk full), and
@@ -116,13 +117,21 @@ fn pixels(image: &Image, layer: &Layer, color: PngColor) -> Result<Vec<u8>, Enco
         )));
     }
 
-    let [x0, y0, x1, _] = image.data_window.map(|v| v as usize);
-    let width = image.width as usize;
-    let mut bytes = vec![0; width * image.height as usize * 4];
-    let window = |plane: usize| crop(planes[plane], image.width, image.data_window);
+    let (width, height) = (image.width as usize, image.height as usize);
+    let mut bytes = vec![0; width * height * 4];
+    // What was rendered of the picture itself.
+    let [x0, y0, x1, y1] = image.data_window;
+    let x1 = x1.min(image.width.cast_signed());
+    let y1 = y1.min(image.height.cast_signed());
+    let part = [x0.max(0), y0.max(0), x1, y1];
+    if part[0] >= part[2] || part[1] >= part[3] {
+        return Ok(bytes);
+    }
+    let window = |plane: usize| crop(planes[plane], image.window, part);
+    let [left, top, right, _] = part.map(|x| x.unsigned_abs() as usize);
     let mut fill = |channel: usize, values: &mut dyn Iterator<Item = u8>| {
         for (i, value) in values.enumerate() {
-            let (x, y) = (x0 + i % (x1 - x0), y0 + i / (x1 - x0));
+            let (x, y) = (left + i % (right - left), top + i / (right - left));
             bytes[(y * width + x) * 4 + channel] = value;
         }
     };

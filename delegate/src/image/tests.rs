@@ -175,6 +175,48 @@ fn exr_stores_the_crop_as_its_data_window() {
 }
 
 #[test]
+fn overscan_reaches_out_of_the_display_window() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut image = Image::new(6, 5);
+    image.window = [-3, -2, 8, 9];
+    for data_window in [[-3, -2, 8, 9], [-1, -2, 4, 3], [6, 5, 8, 9]] {
+        let [x0, y0, x1, y1] = data_window;
+        image.data_window = data_window;
+        image.layers = vec![Layer::from_interleaved("color", 4, &ramp(11, 11, 4))];
+        let path = folder.path().join("over.exr");
+        let options = ExrOptions {
+            pixel_type: ExrPixelType::Float,
+            ..ExrOptions::default()
+        };
+        write_exr(&path, &image, &options).unwrap();
+        let read = ReadBack::new(&path);
+        let layer = &read.image.layer_data[0];
+        assert_eq!(layer.attributes.layer_position, Vec2(x0, y0));
+        let (width, height) = ((x1 - x0) as usize, (y1 - y0) as usize);
+        assert_eq!(layer.size, Vec2(width, height));
+        let display = read.image.attributes.display_window;
+        assert_eq!((display.position, display.size), (Vec2(0, 0), Vec2(6, 5)));
+        for (i, value) in read.samples("R").values_as_f32().enumerate() {
+            let x = x0 + 3 + (i % width) as i32;
+            let y = y0 + 2 + (i / width) as i32;
+            assert_eq!(value, x as f32 + 100.0 * y as f32);
+        }
+
+        let path = folder.path().join("over.png");
+        let white = Layer::from_interleaved("color", 4, &[1.0; 11 * 11 * 4]);
+        image.layers = vec![white];
+        write_png(&path, &image, &PngOptions::default()).unwrap();
+        let (info, bytes) = read_png(&path);
+        assert_eq!((info.width, info.height), (6, 5));
+        for (i, pixel) in bytes.as_chunks::<4>().0.iter().enumerate() {
+            let (x, y) = (i as i32 % 6, i as i32 / 6);
+            let inside = (x0..x1).contains(&x) && (y0..y1).contains(&y);
+            assert_eq!(*pixel, if inside { [255; 4] } else { [0; 4] }, "{x} {y}");
+        }
+    }
+}
+
+#[test]
 fn half_saturates_and_nothing_is_nan() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("range.exr");
@@ -384,11 +426,14 @@ fn contradictory_images_are_refused_and_nothing_is_written() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("bad.exr");
     type Edit = (&'static str, fn(&mut Image));
-    let edits: [Edit; 9] = [
+    let edits: [Edit; 12] = [
         ("0 by 4", |i| i.width = 0),
         ("data window", |i| i.data_window = [2, 2, 2, 4]),
         ("data window", |i| i.data_window = [0, 0, 5, 4]),
         ("aspect", |i| i.pixel_aspect = f32::NAN),
+        ("data window", |i| i.data_window = [-1, 0, 4, 4]),
+        ("too large", |i| i.window = [i32::MIN, 0, 4, 4]),
+        ("pixels, not 20", |i| i.window = [0, -1, 4, 4]),
         ("15 pixels", |i| {
             i.layers[0].channels[1].1 = ChannelData::F32(vec![0.0; 15])
         }),

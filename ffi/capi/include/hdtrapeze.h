@@ -178,6 +178,13 @@
 // Orthographic camera; apertures are the size of the view.
 #define TRZ_PROJECTION_ORTHOGRAPHIC 1
 
+// Points of a shutter's curve are joined by straight lines.
+#define TRZ_SHUTTER_LINEAR 0
+
+// Points of a shutter's curve make cubic Bezier segments: 3 n + 1, of which every third is on the
+// curve.
+#define TRZ_SHUTTER_BEZIER 1
+
 // Box filter, 1 pixel wide unless a width is given.
 #define TRZ_FILTER_BOX 0
 
@@ -389,8 +396,31 @@ typedef struct trz_grids {
   size_t position_count;
 } trz_grids;
 
+// Lens, film back and exposure at one instant; fields as in trz_camera.
+typedef struct trz_lens_sample {
+  // Time codes relative to the frame.
+  double time;
+  // Width of the film back.
+  double horizontal_aperture;
+  // Height of the film back.
+  double vertical_aperture;
+  // Offset of the film back to the right.
+  double horizontal_aperture_offset;
+  // Offset of the film back upwards.
+  double vertical_aperture_offset;
+  // Focal length.
+  double focal_length;
+  // Distance from the lens to the plane in focus.
+  double focus_distance;
+  // f-number; 0 is a pinhole.
+  double f_stop;
+  // Linear factor on radiance.
+  double exposure_scale;
+} trz_lens_sample;
+
 // A thin-lens camera that looks down its local -z with +y up. All lengths are scene units
-// (UsdGeomCamera's apertures and focal length are tenths: multiply by 0.1).
+// (UsdGeomCamera's apertures and focal length are tenths: multiply by 0.1). Numbers are checked at
+// commit: those that cannot be used are replaced, with a warning that names the camera.
 typedef struct trz_camera {
   // sizeof(trz_camera).
   uint32_t struct_size;
@@ -420,6 +450,34 @@ typedef struct trz_camera {
   double shutter_close;
   // Linear factor on radiance (2^EV); 1 for none.
   double exposure_scale;
+  // Blades of the lens' opening, that is corners; below 3 it is round. Its area is that of the
+  // round opening of the same f_stop, whatever its shape.
+  uint32_t aperture_blades;
+  // TRZ_SHUTTER_*: how the points of shutter_curve are joined.
+  uint32_t shutter_curve_type;
+  // Degrees by which blades are turned, counter-clockwise as the camera looks; at 0 a corner
+  // points up.
+  double aperture_rotation;
+  // Width over height of the opening, 0.001 to 1000; 1: as wide as high.
+  double aperture_ratio;
+  // 0: blades have straight edges; 1: the opening is round.
+  double aperture_roundness;
+  // shutter_curve_count pairs: position (0 open to 1 close, ascending), openness (0 or above). It
+  // says how instants count, not how bright the image is. Held before the first and after the
+  // last position.
+  const double *shutter_curve;
+  // Number of pairs; 0: fully open throughout.
+  size_t shutter_curve_count;
+  // clipping_plane_count times a b c d in camera space: points with a x + b y + c z + d < 0 are
+  // not seen by the camera.
+  const double *clipping_planes;
+  // Number of planes.
+  size_t clipping_plane_count;
+  // The lens at lens_sample_count instants, in any order, in place of the fields above where
+  // there are any. Each number is interpolated linearly between samples, and held outside.
+  const struct trz_lens_sample *lens_samples;
+  // Number of lens samples; 0: the lens does not change.
+  size_t lens_sample_count;
 } trz_camera;
 
 // Matrix samples of one level of the hierarchy.
@@ -488,8 +546,10 @@ typedef struct trz_settings {
   uint32_t width;
   // Image height, 1 to 65536 pixels.
   uint32_t height;
-  // x0 y0 x1 y1 in pixels, half open, y down, inside the image; all 0 for the whole image.
-  uint32_t crop[4];
+  // Pixels to render: x0 y0 x1 y1, half open, relative to the image's top left, y down; all 0
+  // for the image. Inside the image it is a crop; what lies outside is overscan. The image and
+  // this window together span at most 65536 pixels.
+  int32_t data_window[4];
   // Pixel width over height.
   float pixel_aspect;
   // TRZ_WINDOW_*.
@@ -522,7 +582,7 @@ typedef struct trz_settings {
   float time_window[2];
   // 1: every sample goes through lens_point.
   uint32_t fix_lens;
-  // A point of the unit disk.
+  // A point of the unit disk, in units of the round lens' radius.
   float lens_point[2];
   // Most micropolygons that dicing may make; beyond it rates are coarsened with a warning. 0:
   // the default.
@@ -599,18 +659,23 @@ typedef struct trz_statistics {
   uint64_t objects_reused;
 } trz_statistics;
 
-// Size and type of an AOV.
+// Size and type of an AOV. It covers the image and the data window; what was not rendered of them
+// is background.
 typedef struct trz_aov_desc {
   // sizeof(trz_aov_desc).
   uint32_t struct_size;
-  // Pixels.
+  // Pixels across; the image's width unless there is overscan.
   uint32_t width;
-  // Pixels.
+  // Pixels down.
   uint32_t height;
   // Components a pixel; each takes 4 bytes.
   uint32_t components;
   // TRZ_FORMAT_*.
   uint32_t format;
+  // Column of the image that the first pixel is in; below 0 with overscan to the left.
+  int32_t origin_x;
+  // Row of the image that the first pixel is in; below 0 with overscan above.
+  int32_t origin_y;
 } trz_aov_desc;
 
 // A render var of a product (UsdRenderVar) as authored. Texts are UTF-8; NULL where nothing is
@@ -816,10 +881,10 @@ trz_result trz_camera_create(struct trz_session *session, const char *path, trz_
 // Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT (struct_size). Threads: any.
 trz_result trz_camera_default(struct trz_camera *out);
 
-// Queues a camera's lens, film back and shutter.
+// Queues a camera's lens, film back, shutter and clipping planes; everything is copied.
 //
 // Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
-// TRZ_ERROR_POISONED. Threads: any.
+// TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_POISONED. Threads: any.
 trz_result trz_camera_set(struct trz_session *session,
                           trz_id camera,
                           const struct trz_camera *desc);

@@ -113,6 +113,12 @@ pub const TRZ_PROJECTION_PERSPECTIVE: u32 = 0;
 /// Orthographic camera; apertures are the size of the view.
 pub const TRZ_PROJECTION_ORTHOGRAPHIC: u32 = 1;
 
+/// Points of a shutter's curve are joined by straight lines.
+pub const TRZ_SHUTTER_LINEAR: u32 = 0;
+/// Points of a shutter's curve make cubic Bezier segments: 3 n + 1, of which every third is on the
+/// curve.
+pub const TRZ_SHUTTER_BEZIER: u32 = 1;
+
 /// Box filter, 1 pixel wide unless a width is given.
 pub const TRZ_FILTER_BOX: u32 = 0;
 /// Gaussian filter, 2 pixels wide.

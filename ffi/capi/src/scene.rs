@@ -188,10 +188,10 @@ pub unsafe extern "C" fn trz_camera_default(out: *mut trz_camera) -> trz_result 
     })
 }
 
-/// Queues a camera's lens, film back and shutter.
+/// Queues a camera's lens, film back, shutter and clipping planes; everything is copied.
 ///
 /// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
-/// TRZ_ERROR_POISONED. Threads: any.
+/// TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_POISONED. Threads: any.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trz_camera_set(
     session: *mut trz_session,

@@ -193,8 +193,33 @@ pub struct trz_grids {
     pub position_count: usize,
 }
 
+/// Lens, film back and exposure at one instant; fields as in trz_camera.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct trz_lens_sample {
+    /// Time codes relative to the frame.
+    pub time: f64,
+    /// Width of the film back.
+    pub horizontal_aperture: f64,
+    /// Height of the film back.
+    pub vertical_aperture: f64,
+    /// Offset of the film back to the right.
+    pub horizontal_aperture_offset: f64,
+    /// Offset of the film back upwards.
+    pub vertical_aperture_offset: f64,
+    /// Focal length.
+    pub focal_length: f64,
+    /// Distance from the lens to the plane in focus.
+    pub focus_distance: f64,
+    /// f-number; 0 is a pinhole.
+    pub f_stop: f64,
+    /// Linear factor on radiance.
+    pub exposure_scale: f64,
+}
+
 /// A thin-lens camera that looks down its local -z with +y up. All lengths are scene units
-/// (UsdGeomCamera's apertures and focal length are tenths: multiply by 0.1).
+/// (UsdGeomCamera's apertures and focal length are tenths: multiply by 0.1). Numbers are checked at
+/// commit: those that cannot be used are replaced, with a warning that names the camera.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct trz_camera {
@@ -226,6 +251,34 @@ pub struct trz_camera {
     pub shutter_close: f64,
     /// Linear factor on radiance (2^EV); 1 for none.
     pub exposure_scale: f64,
+    /// Blades of the lens' opening, that is corners; below 3 it is round. Its area is that of the
+    /// round opening of the same f_stop, whatever its shape.
+    pub aperture_blades: u32,
+    /// TRZ_SHUTTER_*: how the points of shutter_curve are joined.
+    pub shutter_curve_type: u32,
+    /// Degrees by which blades are turned, counter-clockwise as the camera looks; at 0 a corner
+    /// points up.
+    pub aperture_rotation: f64,
+    /// Width over height of the opening, 0.001 to 1000; 1: as wide as high.
+    pub aperture_ratio: f64,
+    /// 0: blades have straight edges; 1: the opening is round.
+    pub aperture_roundness: f64,
+    /// shutter_curve_count pairs: position (0 open to 1 close, ascending), openness (0 or above). It
+    /// says how instants count, not how bright the image is. Held before the first and after the
+    /// last position.
+    pub shutter_curve: *const f64,
+    /// Number of pairs; 0: fully open throughout.
+    pub shutter_curve_count: usize,
+    /// clipping_plane_count times a b c d in camera space: points with a x + b y + c z + d < 0 are
+    /// not seen by the camera.
+    pub clipping_planes: *const f64,
+    /// Number of planes.
+    pub clipping_plane_count: usize,
+    /// The lens at lens_sample_count instants, in any order, in place of the fields above where
+    /// there are any. Each number is interpolated linearly between samples, and held outside.
+    pub lens_samples: *const trz_lens_sample,
+    /// Number of lens samples; 0: the lens does not change.
+    pub lens_sample_count: usize,
 }
 
 /// Settings of a render.
@@ -238,8 +291,10 @@ pub struct trz_settings {
     pub width: u32,
     /// Image height, 1 to 65536 pixels.
     pub height: u32,
-    /// x0 y0 x1 y1 in pixels, half open, y down, inside the image; all 0 for the whole image.
-    pub crop: [u32; 4],
+    /// Pixels to render: x0 y0 x1 y1, half open, relative to the image's top left, y down; all 0
+    /// for the image. Inside the image it is a crop; what lies outside is overscan. The image and
+    /// this window together span at most 65536 pixels.
+    pub data_window: [i32; 4],
     /// Pixel width over height.
     pub pixel_aspect: f32,
     /// TRZ_WINDOW_*.
@@ -272,7 +327,7 @@ pub struct trz_settings {
     pub time_window: [f32; 2],
     /// 1: every sample goes through lens_point.
     pub fix_lens: u32,
-    /// A point of the unit disk.
+    /// A point of the unit disk, in units of the round lens' radius.
     pub lens_point: [f32; 2],
     /// Most micropolygons that dicing may make; beyond it rates are coarsened with a warning. 0:
     /// the default.
@@ -353,20 +408,25 @@ pub struct trz_statistics {
     pub objects_reused: u64,
 }
 
-/// Size and type of an AOV.
+/// Size and type of an AOV. It covers the image and the data window; what was not rendered of them
+/// is background.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct trz_aov_desc {
     /// sizeof(trz_aov_desc).
     pub struct_size: u32,
-    /// Pixels.
+    /// Pixels across; the image's width unless there is overscan.
     pub width: u32,
-    /// Pixels.
+    /// Pixels down.
     pub height: u32,
     /// Components a pixel; each takes 4 bytes.
     pub components: u32,
     /// TRZ_FORMAT_*.
     pub format: u32,
+    /// Column of the image that the first pixel is in; below 0 with overscan to the left.
+    pub origin_x: i32,
+    /// Row of the image that the first pixel is in; below 0 with overscan above.
+    pub origin_y: i32,
 }
 
 /// A render var of a product (UsdRenderVar) as authored. Texts are UTF-8; NULL where nothing is

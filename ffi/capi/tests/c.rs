@@ -89,13 +89,20 @@ fn all_layouts() -> Layouts {
         trz_grids {
             struct_size, times, key_count, rates, elements, grid_count, positions, position_count,
         }
+        trz_lens_sample {
+            time, horizontal_aperture, vertical_aperture, horizontal_aperture_offset,
+            vertical_aperture_offset, focal_length, focus_distance, f_stop, exposure_scale,
+        }
         trz_camera {
             struct_size, projection, horizontal_aperture, vertical_aperture,
             horizontal_aperture_offset, vertical_aperture_offset, focal_length, focus_distance,
             f_stop, clipping_near, clipping_far, shutter_open, shutter_close, exposure_scale,
+            aperture_blades, shutter_curve_type, aperture_rotation, aperture_ratio,
+            aperture_roundness, shutter_curve, shutter_curve_count, clipping_planes,
+            clipping_plane_count, lens_samples, lens_sample_count,
         }
         trz_settings {
-            struct_size, width, height, crop, pixel_aspect, window_policy, samples, shading_rate,
+            struct_size, width, height, data_window, pixel_aspect, window_policy, samples, shading_rate,
             filter, filter_width, seed, threads, override_shutter, shutter_open, shutter_close,
             disable_motion_blur, disable_defocus, camera_light, time_window, fix_lens, lens_point,
             max_micropolygons, backend, curves,
@@ -109,7 +116,7 @@ fn all_layouts() -> Layouts {
             dice_seconds, build_seconds, trace_seconds, total_seconds, rays, node_tests,
             cell_tests, objects_diced, objects_reused,
         }
-        trz_aov_desc { struct_size, width, height, components, format }
+        trz_aov_desc { struct_size, width, height, components, format, origin_x, origin_y }
         trz_image {
             struct_size, r#type, pixel_type, compression, color, aovs, aov_count, metadata,
             metadata_count, vars, var_count,

@@ -1,12 +1,14 @@
 //! C structs to the renderer's types and back. Input is copied; enum values, flags, counts and
 //! strings are checked, and whether numbers make sense where nothing later would.
 
+mod camera;
 mod output;
 mod scene;
 mod settings;
 
 use crate::fault::Fault;
 
+pub(crate) use camera::*;
 pub(crate) use output::*;
 pub(crate) use scene::*;
 pub(crate) use settings::*;

@@ -72,6 +72,8 @@ pub(crate) fn aov_to_c(from: &AovShape) -> trz_aov_desc {
             true => TRZ_FORMAT_INT32,
             false => TRZ_FORMAT_FLOAT32,
         },
+        origin_x: from.origin[0],
+        origin_y: from.origin[1],
     }
 }
 

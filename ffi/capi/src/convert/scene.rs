@@ -1,11 +1,11 @@
-//! Geometry, transforms, primvars and cameras.
+//! Geometry, transforms and primvars.
 
 use std::sync::Arc;
 
 use glam::{DMat4, Vec3};
 use hdtrapeze_core::scene::{
-    CameraDesc, CurveBasis, CurveForm, CurveWrap, CurvesDesc, GridsDesc, InstancesDesc,
-    Interpolation, PointsSamples, PrimvarDesc, Projection, TransformSamples,
+    CurveBasis, CurveForm, CurveWrap, CurvesDesc, GridsDesc, InstancesDesc, Interpolation,
+    PointsSamples, PrimvarDesc, TransformSamples,
 };
 use hdtrapeze_core::surface::{
     BoundaryInterpolation, FaceVaryingLinear, Orientation, Scheme, TriangleRule,
@@ -13,7 +13,6 @@ use hdtrapeze_core::surface::{
 use hdtrapeze_delegate::AuthoredTopology;
 
 use super::{pick, refuse};
-use crate::constants::*;
 use crate::fault::Fault;
 use crate::input::{copied, slice, times};
 use crate::types::*;
@@ -278,46 +277,5 @@ pub(crate) unsafe fn instances(from: &trz_instances) -> Result<InstancesDesc, Fa
             instance_count: count,
             ids: copied(ids, |&id| id)?,
         })
-    }
-}
-
-/// Numbers of a camera are checked at commit: scenes author them.
-pub(crate) fn camera(from: &trz_camera) -> Result<CameraDesc, Fault> {
-    let kinds = [Projection::Perspective, Projection::Orthographic];
-    Ok(CameraDesc {
-        projection: pick(&kinds, from.projection, "projection")?,
-        horizontal_aperture: from.horizontal_aperture,
-        vertical_aperture: from.vertical_aperture,
-        horizontal_aperture_offset: from.horizontal_aperture_offset,
-        vertical_aperture_offset: from.vertical_aperture_offset,
-        focal_length: from.focal_length,
-        focus_distance: from.focus_distance,
-        f_stop: from.f_stop,
-        clipping: [from.clipping_near, from.clipping_far],
-        shutter: [from.shutter_open, from.shutter_close],
-        exposure_scale: from.exposure_scale,
-        ..CameraDesc::default()
-    })
-}
-
-pub(crate) fn camera_to_c(from: &CameraDesc) -> trz_camera {
-    trz_camera {
-        struct_size: 0,
-        projection: match from.projection {
-            Projection::Perspective => TRZ_PROJECTION_PERSPECTIVE,
-            Projection::Orthographic => TRZ_PROJECTION_ORTHOGRAPHIC,
-        },
-        horizontal_aperture: from.horizontal_aperture,
-        vertical_aperture: from.vertical_aperture,
-        horizontal_aperture_offset: from.horizontal_aperture_offset,
-        vertical_aperture_offset: from.vertical_aperture_offset,
-        focal_length: from.focal_length,
-        focus_distance: from.focus_distance,
-        f_stop: from.f_stop,
-        clipping_near: from.clipping[0],
-        clipping_far: from.clipping[1],
-        shutter_open: from.shutter[0],
-        shutter_close: from.shutter[1],
-        exposure_scale: from.exposure_scale,
     }
 }

@@ -87,6 +87,9 @@ fn enums_flags_and_strings() {
         camera.projection = 2;
         let id = session.camera("/camera");
         fails(trz_camera_set(s, id, &camera), bad);
+        camera = camera_default();
+        camera.shutter_curve_type = 2;
+        fails(trz_camera_set(s, id, &camera), bad);
         camera.struct_size = 0;
         let message = fails(trz_camera_default(&mut camera), bad);
         assert!(message.contains("sizeof(trz_camera)"), "{message}");
@@ -156,6 +159,17 @@ fn counts_that_cannot_be() {
             count: 0,
         };
         fails(trz_prim_set_transform(s, mesh, &level, 1), bad);
+        let camera = session.camera("/camera");
+        let mut lens = camera_default();
+        lens.shutter_curve = [0.0; 2].as_ptr();
+        lens.shutter_curve_count = huge / 2 + 1;
+        fails(trz_camera_set(s, camera, &lens), bad);
+        lens.shutter_curve_count = 0;
+        lens.clipping_planes = [0.0; 4].as_ptr();
+        lens.clipping_plane_count = huge / 16;
+        fails(trz_camera_set(s, camera, &lens), bad);
+        lens.clipping_plane_count = 0;
+        ok(trz_camera_set(s, camera, &lens));
         let square = [0.0f32; 12];
         let mut one = trz_grids {
             struct_size: size_of::<trz_grids>() as u32,

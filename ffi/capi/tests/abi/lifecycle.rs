@@ -19,6 +19,8 @@ fn describe(session: &Session, name: &str) -> Result<trz_aov_desc, trz_result> {
         height: 0,
         components: 0,
         format: 99,
+        origin_x: 7,
+        origin_y: 7,
     };
     // SAFETY: pointers to live values.
     match unsafe { trz_aov_describe(session.0, name.as_ptr(), &mut desc) } {
@@ -59,6 +61,7 @@ fn a_render_from_start_to_end() {
     let color = describe(&session, "color").unwrap();
     assert_eq!((color.width, color.height, color.components), (32, 32, 4));
     assert_eq!(color.format, TRZ_FORMAT_FLOAT32);
+    assert_eq!((color.origin_x, color.origin_y), (0, 0));
     assert_eq!(describe(&session, "P").err(), Some(TRZ_ERROR_NOT_FOUND));
     assert_eq!(describe(&session, "none").err(), Some(TRZ_ERROR_NOT_FOUND));
     let mut small = [0u8; 100];
@@ -253,4 +256,41 @@ fn absurd_films_are_refused_and_the_session_goes_on() {
     session.set_samples(1);
     ok(session.start());
     assert!(session.wait(-1.0));
+}
+
+#[test]
+fn overscan_is_around_the_image_and_changes_nothing_in_it() {
+    let session = Session::with_camera();
+    session.square("/square", 0.0);
+    ok(session.start());
+    assert!(session.wait(-1.0));
+    let plain = read_color(&session);
+    let mut settings = small_settings(4);
+    settings.data_window = [-3, 2, 40, 41];
+    // SAFETY: pointers to live values.
+    ok(unsafe { trz_session_set_settings(session.0, &settings) });
+    ok(session.start());
+    assert!(session.wait(-1.0));
+    let color = describe(&session, "color").unwrap();
+    assert_eq!((color.origin_x, color.origin_y), (-3, 0));
+    assert_eq!((color.width, color.height), (43, 41));
+    let mut values = vec![-1.0f32; 43 * 41 * 4];
+    let bytes = size_of_val(&*values);
+    // SAFETY: a buffer of the size that is told.
+    ok(unsafe {
+        trz_aov_read(
+            session.0,
+            c"color".as_ptr(),
+            values.as_mut_ptr().cast(),
+            bytes,
+        )
+    });
+    for y in 2..32 {
+        let inside = &values[(y * 43 + 3) * 4..][..32 * 4];
+        assert_eq!(inside, &plain[y * 32 * 4..][..32 * 4], "row {y}");
+    }
+    assert!(
+        values[..2 * 43 * 4].iter().all(|&v| v == 0.0),
+        "not asked for"
+    );
 }

@@ -137,6 +137,18 @@ fn null_arguments() {
         matrices: IDENTITY.as_ptr(),
         count: 1,
     };
+    let no_curve = trz_camera {
+        shutter_curve_count: 1,
+        ..camera_default()
+    };
+    let no_planes = trz_camera {
+        clipping_plane_count: 1,
+        ..camera_default()
+    };
+    let no_lenses = trz_camera {
+        lens_sample_count: 1,
+        ..camera_default()
+    };
     let image = trz_image {
         struct_size: size(size_of::<trz_image>()),
         r#type: TRZ_IMAGE_EXR,
@@ -203,6 +215,9 @@ fn null_arguments() {
         trz_spheres_create(s, name, null_mut());
         trz_prim_set_points(s, spheres, null());
         trz_camera_set(s, camera, null());
+        trz_camera_set(s, camera, &no_curve);
+        trz_camera_set(s, camera, &no_planes);
+        trz_camera_set(s, camera, &no_lenses);
         trz_prim_set_transform(s, mesh, null(), 1);
         trz_prim_set_transform(s, mesh, &level, 1);
         trz_prim_set_primvar(s, mesh, null(), null());
