@@ -27,6 +27,9 @@ from .skel_pose import CODE, Pose
 from .transforms import Between, Level, TransformReader, curve_keys, point_keys
 
 
+_IDENTITY = np.eye(4)
+
+
 class Skinning:
     """The skeletons of one stage, between two edits of it."""
 
@@ -176,7 +179,12 @@ class Skinned:
         return known[1]
 
     def _bind_transform(self, time: float) -> Gf.Matrix4d:
-        return read_bind_transform(self._query, self._shutter.code(time), self._log)
+        attribute = self._query.GetGeomBindTransformAttr()
+        return self._keep(
+            "bind transform",
+            bool(attribute) and attribute.ValueMightBeTimeVarying(),
+            lambda: read_bind_transform(self._query, self._shutter.code(time), self._log),
+        )
 
     # What comes of it ----------------------------------------------------------------------------
 
@@ -287,9 +295,9 @@ class Skinned:
         """
         self._prepare()
         topology = getattr(shape, "topology", None)
-        if topology is not None and topology.scheme != "none":
+        if getattr(topology, "scheme", "none") != "none":
             return  # a smooth surface does not use them
-        corners = None if topology is None else topology.face_vertex_indices
+        corners = getattr(topology, "face_vertex_indices", None)
         skins = self._influences is not None and not self._influences.rigid
         blends = self._shapes is not None and self._shapes.turns_normals
         normals = primvars.get("normals")
@@ -342,7 +350,7 @@ class Skinned:
 
 
 def _transformed(points: np.ndarray, matrix: np.ndarray) -> np.ndarray:
-    if (matrix == np.eye(4)).all():
+    if (matrix == _IDENTITY).all():
         return points
     return (points @ matrix[:3, :3] + matrix[3, :3]).astype(np.float32)
 

@@ -222,9 +222,13 @@ class Between:
         """Relative times at which keys are needed for sure."""
         self.varies = any(_varies_below(prim, shared) for prim in (source, target))
         """Whether it may differ at another frame."""
+        self._still = None if self.times else self._compute(0.0)
 
     def at(self, time: float) -> np.ndarray:
         """The matrix at `time`. Where the target is flat, what it cannot hold is left out."""
+        return self._compute(time) if self._still is None else self._still
+
+    def _compute(self, time: float) -> np.ndarray:
         down = compose(self._down, time)
         try:
             inverse = np.linalg.inv(down)
