@@ -646,3 +646,21 @@ def test_partial_products_of_an_interrupted_render(scene, monkeypatch, capsys):
     }
     assert exr_header(scene.path("shot.partial.exr"))["hdtrapeze/complete"] == "false"
     assert "shot.partial.exr" in capsys.readouterr().err
+
+
+def test_a_still_product_before_a_blurred_one(scene):
+    """Velocities are read again where the shutter is another."""
+    camera = UsdGeom.Camera.Get(scene.stage, "/main_cam")
+    camera.CreateShutterCloseAttr(1.0)
+    scene.stage.SetTimeCodesPerSecond(1.0)
+    points = scene.quad.GetPointsAttr()
+    value = points.Get()
+    points.Clear()
+    points.Set(value, 1)
+    scene.quad.CreateVelocitiesAttr().Set([Gf.Vec3f(2, 0, 0)] * 4, 1)
+    scene.settings.CreateDisableMotionBlurAttr(True)
+    scene.product("blurred", disableMotionBlur=False)
+    assert scene.run() == 0
+    blurred = alpha(scene.path("blurred.exr"))
+    assert ((blurred > 0) & (blurred < 1)).sum() > 50
+    np.testing.assert_array_equal(read_png(scene.path("own.png"))[..., 3] / 255.0, FULL)

@@ -29,6 +29,11 @@ class PassCollections:
         self._pruned = query("prune", False)
         self._matte = query("matte", False)
 
+    @property
+    def has_any(self) -> bool:
+        """False where every prim is shown as it is."""
+        return bool(self._shown) or self._pruned is not None or self._matte is not None
+
     def prunes(self, path: Sdf.Path, instancers: tuple = ()) -> bool:
         """Whether the prim is left out with all below it; `instancers` place it."""
         return _has_any(self._pruned, path, instancers)

@@ -62,11 +62,12 @@ class SceneSync:
         self._log = log
         self._purposes = {"default", *purposes}
         self._draw_modes = draw_modes
-        self._pass = collections or PassCollections(None, log)
+        self._pass = collections if collections and collections.has_any else None
         self._sent: dict[str, _Sent] = {}
         self._skinning = Skinning(log)
         self._stage: Usd.Stage | None = None
         self._notice = None
+        self._interval = (0.0, 0.0)
         self._pick_ids: dict[str, int] = {}
         self.prim_paths: dict[int, str] = {}
         """Prim path of each primId."""
@@ -86,6 +87,10 @@ class SceneSync:
             self._notice = Tf.Notice.Register(
                 Usd.Notice.ObjectsChanged, lambda *_: self._forget_what_was_read(), stage
             )
+        if (shutter.open, shutter.close) != self._interval:
+            # What stood still under one shutter may move under another.
+            self._interval = (shutter.open, shutter.close)
+            self._forget_what_was_read()
         self._shutter = shutter
         self._transforms = transforms
         self._skinning.begin_frame(shutter, transforms)
@@ -120,7 +125,7 @@ class SceneSync:
         stack = [(root, purpose, None)]
         while stack:
             prim, purpose, instance = stack.pop()
-            if self._pass.prunes(prim.GetPath(), place.instancers):
+            if self._pass and self._pass.prunes(prim.GetPath(), place.instancers):
                 self.has_hidden = True
                 continue
             imageable = UsdGeom.Imageable(prim)
@@ -171,7 +176,7 @@ class SceneSync:
             return False
         if instance and not self._transforms.resets_below(prim, instance):
             prototype = prim.GetPrimInPrototype().GetPath()
-            matte = self._pass.is_matte(prim.GetPath(), place.instancers)
+            matte = self._is_matte(prim, place)
             skinned = self._skinning.of(prim)
             bound = skinned.shared_by(instance) if skinned else None
             key = (prototype, inherited_from(UsdGeom.Gprim(prim)), matte, bound)
@@ -181,9 +186,12 @@ class SceneSync:
             self._emit(place.prefix + str(prim.GetPath()), prim, levels, place.placement, place)
         return False
 
+    def _is_matte(self, prim: Usd.Prim, place: _Place) -> bool:
+        return bool(self._pass) and self._pass.is_matte(prim.GetPath(), place.instancers)
+
     def _shows(self, prim: Usd.Prim, place: _Place) -> bool:
         """Whether the render pass shows the prim's geometry."""
-        if self._pass.shows(prim.GetPath(), place.instancers):
+        if self._pass is None or self._pass.shows(prim.GetPath(), place.instancers):
             return True
         self.has_hidden = True
         return False
@@ -232,7 +240,7 @@ class SceneSync:
             chosen = np.flatnonzero((reader.indices == number) & visible)
             if not len(chosen):
                 continue
-            if self._pass.prunes_with_parents(target):
+            if self._pass and self._pass.prunes_with_parents(target):
                 continue
             prototype = self._stage.GetPrimAtPath(target)
             if not prototype:
@@ -274,7 +282,7 @@ class SceneSync:
         """Sends what the session does not have yet of one mesh; a faulty one is left out."""
         try:
             self._send(key, prim, levels, placement)
-            self._send_matte(key, self._pass.is_matte(prim.GetPath(), place.instancers))
+            self._send_matte(key, self._is_matte(prim, place))
             if key in self._sent:
                 self._session.complete(self._sent[key].prim)
         except FAULTS as error:
