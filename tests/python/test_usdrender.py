@@ -649,7 +649,7 @@ def test_partial_products_of_an_interrupted_render(scene, monkeypatch, capsys):
 
 
 def test_a_still_product_before_a_blurred_one(scene):
-    """Velocities are read again where the shutter is another."""
+    """What stood still for one image moves in the next one of the same frame."""
     camera = UsdGeom.Camera.Get(scene.stage, "/main_cam")
     camera.CreateShutterCloseAttr(1.0)
     scene.stage.SetTimeCodesPerSecond(1.0)

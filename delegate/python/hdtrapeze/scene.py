@@ -67,7 +67,6 @@ class SceneSync:
         self._skinning = Skinning(log)
         self._stage: Usd.Stage | None = None
         self._notice = None
-        self._interval = (0.0, 0.0)
         self._pick_ids: dict[str, int] = {}
         self.prim_paths: dict[int, str] = {}
         """Prim path of each primId."""
@@ -87,10 +86,6 @@ class SceneSync:
             self._notice = Tf.Notice.Register(
                 Usd.Notice.ObjectsChanged, lambda *_: self._forget_what_was_read(), stage
             )
-        if (shutter.open, shutter.close) != self._interval:
-            # What stood still under one shutter may move under another.
-            self._interval = (shutter.open, shutter.close)
-            self._forget_what_was_read()
         self._shutter = shutter
         self._transforms = transforms
         self._skinning.begin_frame(shutter, transforms)
