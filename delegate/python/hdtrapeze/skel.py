@@ -26,7 +26,6 @@ from .skel_input import (
 from .skel_pose import CODE, Pose
 from .transforms import Between, Level, TransformReader, curve_keys, point_keys
 
-
 _IDENTITY = np.eye(4)
 
 
