@@ -91,12 +91,21 @@ fn add_ball(session: &Session) -> Result<(), String> {
         corner_sharpnesses: null(),
         corner_sharpness_count: 0,
     };
+    let none = trz_float_samples {
+        times: null(),
+        sample_count: 0,
+        values: null(),
+        counts: null(),
+    };
     let points = trz_points {
         struct_size: size_of::<trz_points>() as u32,
         times: &0.0,
         sample_count: 1,
         points: &corners.as_ptr(),
         counts: &(corners.len() / 3),
+        velocities: none,
+        accelerations: none,
+        time_codes_per_second: 0.0,
     };
     let times = [-0.25, 0.25];
     let matrices = [translation(-1.0, 0.0), translation(1.0, 0.0)];

@@ -490,7 +490,27 @@ typedef struct trz_transform_samples {
   size_t count;
 } trz_transform_samples;
 
-// Point samples of a mesh, object space.
+// Arrays of values at several times, of as many floats a value as the field that holds them says.
+// All zero: none.
+typedef struct trz_float_samples {
+  // sample_count times, in time codes relative to the frame, in any order.
+  const double *times;
+  // Number of samples.
+  size_t sample_count;
+  // sample_count arrays of counts[i] values.
+  const float *const *values;
+  // Values of each sample.
+  const size_t *counts;
+} trz_float_samples;
+
+// Point samples of a mesh, of curves or spheres, object space.
+//
+// Without velocities, points go on straight lines from sample to sample. With velocities, the
+// sample at or before the frame (the first one where all are later) moves on: dt seconds after its
+// own time a point is at p + dt (v + dt a / 2). As in USD, velocities count where their samples
+// before and after the frame have the times of those of the points, and are as many; accelerations
+// where theirs are as those of the velocities. So a host gives the samples around the frame beside
+// those around the shutter, and no velocities for points without time samples.
 typedef struct trz_points {
   // sizeof(trz_points).
   uint32_t struct_size;
@@ -502,6 +522,12 @@ typedef struct trz_points {
   const float *const *points;
   // Points of each sample.
   const size_t *counts;
+  // Scene units a second, 3 floats a point.
+  struct trz_float_samples velocities;
+  // Scene units a second squared, 3 floats a point.
+  struct trz_float_samples accelerations;
+  // Time codes a second; above 0 where there are velocities.
+  double time_codes_per_second;
 } trz_points;
 
 // A primvar, one sample.
@@ -899,8 +925,9 @@ trz_result trz_prim_set_transform(struct trz_session *session,
                                   const struct trz_transform_samples *levels,
                                   size_t level_count);
 
-// Queues the points of a mesh, of curves or spheres; everything is copied. Samples of unequal counts are rendered without
-// motion, with a warning at commit.
+// Queues the points of a mesh, of curves or spheres, and their velocities and accelerations;
+// everything is copied. Samples of unequal counts are rendered without motion, with a warning at
+// commit, unless velocities move them; velocities that do not fit are ignored, with a warning.
 //
 // Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
 // TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_POISONED. Threads: any.
@@ -932,6 +959,30 @@ trz_result trz_prim_set_instances(struct trz_session *session,
 // Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
 // TRZ_ERROR_POISONED. Threads: any.
 trz_result trz_prim_set_visible(struct trz_session *session, trz_id prim, uint32_t visible);
+
+// Queues how a prim's motion is blurred. blur_scale (USD's motion:blurScale, 1 as created) is a
+// factor on times relative to the frame for all that moves it: transform levels, instances, points
+// and their velocities, sizes; so 0 is no blur, and the frame's own instant stays where it is.
+// Where it is not 1, samples are needed around blur_scale times the shutter. What is negative or
+// not finite is taken as 1, with a warning at commit. nonlinear_sample_count (USD's
+// motion:nonlinearSampleCount) is the number of positions, evenly spaced over the shutter, where
+// accelerations bend a path; 0, as created: as many as keep within a tenth of a pixel of it.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
+// TRZ_ERROR_POISONED. Threads: any.
+trz_result trz_prim_set_motion(struct trz_session *session,
+                               trz_id prim,
+                               double blur_scale,
+                               uint32_t nonlinear_sample_count);
+
+// Queues whether both sides of a prim's surface are outsides (USD's doubleSided): 1, or 0 (as
+// created).
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
+// TRZ_ERROR_POISONED. Threads: any.
+trz_result trz_prim_set_double_sided(struct trz_session *session,
+                                     trz_id prim,
+                                     uint32_t double_sided);
 
 // Queues whether a prim is a matte object (a holdout): 1, or 0 (as created). A matte object hides
 // what lies behind it, with zero colour and zero alpha, and other AOVs stay at their background.

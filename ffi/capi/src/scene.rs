@@ -226,8 +226,9 @@ pub unsafe extern "C" fn trz_prim_set_transform(
     }
 }
 
-/// Queues the points of a mesh, of curves or spheres; everything is copied. Samples of unequal counts are rendered without
-/// motion, with a warning at commit.
+/// Queues the points of a mesh, of curves or spheres, and their velocities and accelerations;
+/// everything is copied. Samples of unequal counts are rendered without motion, with a warning at
+/// commit, unless velocities move them; velocities that do not fit are ignored, with a warning.
 ///
 /// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
 /// TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_POISONED. Threads: any.
@@ -310,6 +311,47 @@ pub unsafe extern "C" fn trz_prim_set_visible(
     unsafe {
         edit(session, prim, || {
             input::flag(visible, "visible").map(Edit::Visible)
+        })
+    }
+}
+
+/// Queues how a prim's motion is blurred. blur_scale (USD's motion:blurScale, 1 as created) is a
+/// factor on times relative to the frame for all that moves it: transform levels, instances, points
+/// and their velocities, sizes; so 0 is no blur, and the frame's own instant stays where it is.
+/// Where it is not 1, samples are needed around blur_scale times the shutter. What is negative or
+/// not finite is taken as 1, with a warning at commit. nonlinear_sample_count (USD's
+/// motion:nonlinearSampleCount) is the number of positions, evenly spaced over the shutter, where
+/// accelerations bend a path; 0, as created: as many as keep within a tenth of a pixel of it.
+///
+/// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
+/// TRZ_ERROR_POISONED. Threads: any.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trz_prim_set_motion(
+    session: *mut trz_session,
+    prim: trz_id,
+    blur_scale: f64,
+    nonlinear_sample_count: u32,
+) -> trz_result {
+    let count = (nonlinear_sample_count != 0).then_some(nonlinear_sample_count);
+    // SAFETY: the caller passes null or a live session.
+    unsafe { edit(session, prim, || Ok(Edit::Motion(blur_scale, count))) }
+}
+
+/// Queues whether both sides of a prim's surface are outsides (USD's doubleSided): 1, or 0 (as
+/// created).
+///
+/// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
+/// TRZ_ERROR_POISONED. Threads: any.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trz_prim_set_double_sided(
+    session: *mut trz_session,
+    prim: trz_id,
+    double_sided: u32,
+) -> trz_result {
+    // SAFETY: the caller passes null or a live session.
+    unsafe {
+        edit(session, prim, || {
+            input::flag(double_sided, "double_sided").map(Edit::DoubleSided)
         })
     }
 }

@@ -4,7 +4,7 @@
 //! call, also where the library fills the struct. Later versions add fields at the end only. A
 //! smaller size is an older version and is accepted down to the first one; a larger size is a newer
 //! version and is accepted where the fields unknown here are zero bytes. Structs without
-//! `struct_size` are array elements and never change.
+//! `struct_size` are elements of arrays or fields of other structs, and never change.
 #![allow(non_camel_case_types)]
 
 use std::ffi::{c_char, c_void};
@@ -97,7 +97,29 @@ pub struct trz_topology {
     pub corner_sharpness_count: usize,
 }
 
-/// Point samples of a mesh, object space.
+/// Arrays of values at several times, of as many floats a value as the field that holds them says.
+/// All zero: none.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct trz_float_samples {
+    /// sample_count times, in time codes relative to the frame, in any order.
+    pub times: *const f64,
+    /// Number of samples.
+    pub sample_count: usize,
+    /// sample_count arrays of counts[i] values.
+    pub values: *const *const f32,
+    /// Values of each sample.
+    pub counts: *const usize,
+}
+
+/// Point samples of a mesh, of curves or spheres, object space.
+///
+/// Without velocities, points go on straight lines from sample to sample. With velocities, the
+/// sample at or before the frame (the first one where all are later) moves on: dt seconds after its
+/// own time a point is at p + dt (v + dt a / 2). As in USD, velocities count where their samples
+/// before and after the frame have the times of those of the points, and are as many; accelerations
+/// where theirs are as those of the velocities. So a host gives the samples around the frame beside
+/// those around the shutter, and no velocities for points without time samples.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct trz_points {
@@ -111,6 +133,12 @@ pub struct trz_points {
     pub points: *const *const f32,
     /// Points of each sample.
     pub counts: *const usize,
+    /// Scene units a second, 3 floats a point.
+    pub velocities: trz_float_samples,
+    /// Scene units a second squared, 3 floats a point.
+    pub accelerations: trz_float_samples,
+    /// Time codes a second; above 0 where there are velocities.
+    pub time_codes_per_second: f64,
 }
 
 /// A primvar, one sample.

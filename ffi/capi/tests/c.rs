@@ -80,7 +80,11 @@ fn all_layouts() -> Layouts {
             crease_sharpness_count, corner_indices, corner_count, corner_sharpnesses,
             corner_sharpness_count,
         }
-        trz_points { struct_size, times, sample_count, points, counts }
+        trz_float_samples { times, sample_count, values, counts }
+        trz_points {
+            struct_size, times, sample_count, points, counts, velocities, accelerations,
+            time_codes_per_second,
+        }
         trz_primvar {
             struct_size, interpolation, width, values, value_count, indices, index_count,
         }

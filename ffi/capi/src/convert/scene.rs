@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{DMat4, Vec3};
 use hdtrapeze_core::scene::{
     CurveBasis, CurveForm, CurveWrap, CurvesDesc, GridsDesc, InstancesDesc, Interpolation,
-    PointsSamples, PrimvarDesc, TransformSamples,
+    PointsSamples, PrimvarDesc, Rates, Samples, TransformSamples,
 };
 use hdtrapeze_core::surface::{
     BoundaryInterpolation, FaceVaryingLinear, Orientation, Scheme, TriangleRule,
@@ -113,20 +113,42 @@ pub(crate) unsafe fn topology<'a>(from: &trz_topology) -> Result<AuthoredTopolog
 pub(crate) unsafe fn points(from: &trz_points) -> Result<PointsSamples, Fault> {
     // SAFETY: as the caller promises.
     unsafe {
-        let times_of = slice(from.times, from.sample_count, "times")?;
-        let arrays = slice(from.points, from.sample_count, "points")?;
-        let counts = slice(from.counts, from.sample_count, "counts")?;
-        let samples = arrays.iter().zip(counts).enumerate();
+        let points = trz_float_samples {
+            times: from.times,
+            sample_count: from.sample_count,
+            values: from.points,
+            counts: from.counts,
+        };
+        let points = vec3_samples(&points, "points")?;
         Ok(PointsSamples {
+            times: points.times,
+            points: points.values,
+            rates: Rates {
+                velocities: vec3_samples(&from.velocities, "velocities")?,
+                accelerations: vec3_samples(&from.accelerations, "accelerations")?,
+                time_codes_per_second: from.time_codes_per_second,
+            },
+        })
+    }
+}
+
+unsafe fn vec3_samples(from: &trz_float_samples, what: &str) -> Result<Samples<Vec3>, Fault> {
+    let part = |part: &str| format!("{part} of {what}");
+    // SAFETY: as the caller promises.
+    unsafe {
+        let times_of = slice(from.times, from.sample_count, &part("times"))?;
+        let arrays = slice(from.values, from.sample_count, what)?;
+        let counts = slice(from.counts, from.sample_count, &part("counts"))?;
+        let samples = arrays.iter().zip(counts).enumerate();
+        Ok(Samples {
             times: copied(times_of, |&t| t)?,
-            points: samples
+            values: samples
                 .map(|(i, (&array, &count))| {
-                    let what = format!("points[{i}]");
+                    let what = format!("{what}[{i}]");
                     let floats = slice(array, times(count, 3, &what)?, &what)?;
                     Ok(Arc::new(vec3s(floats)?))
                 })
                 .collect::<Result<_, Fault>>()?,
-            ..PointsSamples::default()
         })
     }
 }

@@ -28,6 +28,8 @@ fn unknown_and_unfit_ids() {
         fails(trz_mesh_set_topology(s, camera, &topology()), bad);
         fails(trz_prim_set_visible(s, camera, 1), bad);
         fails(trz_prim_set_matte(s, camera, 1), bad);
+        fails(trz_prim_set_motion(s, camera, 1.0, 0), bad);
+        fails(trz_prim_set_double_sided(s, camera, 1), bad);
         let message = fails(trz_session_set_active_camera(s, mesh), bad);
         assert!(message.contains("/mesh"), "{message}");
         fails(trz_session_set_active_camera(s, 999), TRZ_ERROR_NOT_FOUND);
@@ -74,6 +76,7 @@ fn enums_flags_and_strings() {
         fails(trz_curves_set(s, mesh, &curves()), bad);
         ok(trz_curves_set(s, curves_id, &curves()));
         fails(trz_prim_set_matte(s, mesh, 2), bad);
+        fails(trz_prim_set_double_sided(s, mesh, 2), bad);
         fails(trz_session_set_log(s, None, null_mut(), 4), bad);
         fails(trz_render_wait(s, f64::NAN, &mut 0), bad);
         let not_utf8 = c"\xff\xfe";
@@ -126,8 +129,21 @@ fn counts_that_cannot_be() {
             sample_count: 1,
             points: &[0.0f32; 3].as_ptr(),
             counts: &(huge / 2),
+            ..no_points()
         };
         fails(trz_prim_set_points(s, mesh, &points), bad);
+        let velocities = trz_float_samples {
+            times: &0.0,
+            sample_count: 1,
+            values: &[0.0f32; 3].as_ptr(),
+            counts: &(huge / 2),
+        };
+        let points = trz_points {
+            velocities,
+            ..no_points()
+        };
+        let message = fails(trz_prim_set_points(s, mesh, &points), bad);
+        assert!(message.contains("velocities[0]"), "{message}");
         let mut primvar = trz_primvar {
             struct_size: size_of::<trz_primvar>() as u32,
             interpolation: TRZ_INTERPOLATION_CONSTANT,

@@ -7,6 +7,7 @@ mod arguments;
 mod files;
 mod lifecycle;
 mod messages;
+mod motion;
 mod nulls;
 mod panics;
 mod support;

@@ -40,6 +40,8 @@ fn null_session() {
         trz_prim_set_instances(s, 1, null());
         trz_prim_set_visible(s, 1, 1);
         trz_prim_set_matte(s, 1, 1);
+        trz_prim_set_motion(s, 1, 1.0, 0);
+        trz_prim_set_double_sided(s, 1, 1);
         trz_prim_set_pick_id(s, 1, 1);
         trz_prim_remove(s, 1);
         trz_session_set_active_camera(s, 0);
@@ -95,6 +97,21 @@ fn null_arguments() {
         sample_count: 1,
         points: &null(),
         counts: &1,
+        ..no_points()
+    };
+    let no_array = trz_float_samples {
+        times: &0.0,
+        sample_count: 1,
+        values: &null(),
+        counts: &1,
+    };
+    let no_velocities = trz_points {
+        velocities: no_array,
+        ..no_points()
+    };
+    let no_accelerations = trz_points {
+        accelerations: no_array,
+        ..no_points()
     };
     let no_counts = trz_points {
         counts: null(),
@@ -205,6 +222,8 @@ fn null_arguments() {
         trz_prim_set_points(s, mesh, null());
         trz_prim_set_points(s, mesh, &points);
         trz_prim_set_points(s, mesh, &no_counts);
+        trz_prim_set_points(s, mesh, &no_velocities);
+        trz_prim_set_points(s, mesh, &no_accelerations);
         trz_grids_set(s, grids, null());
         trz_grids_set(s, grids, &grid);
         trz_curves_create(s, null(), &mut 0);
@@ -259,13 +278,6 @@ fn empty_arrays_need_no_pointer() {
     let session = Session::with_camera();
     let mesh = session.mesh("/empty");
     let grids = session.grids("/no grids");
-    let empty_points = trz_points {
-        struct_size: size_of::<trz_points>() as u32,
-        times: null(),
-        sample_count: 0,
-        points: null(),
-        counts: null(),
-    };
     let empty_grids = trz_grids {
         struct_size: size_of::<trz_grids>() as u32,
         times: null(),
@@ -287,12 +299,12 @@ fn empty_arrays_need_no_pointer() {
     // SAFETY: pointers to live values.
     unsafe {
         ok(trz_mesh_set_topology(session.0, mesh, &topology()));
-        ok(trz_prim_set_points(session.0, mesh, &empty_points));
+        ok(trz_prim_set_points(session.0, mesh, &no_points()));
         ok(trz_grids_set(session.0, grids, &empty_grids));
         let no_curves = session.curves("/no curves");
         ok(trz_curves_set(session.0, no_curves, &curves()));
         let no_spheres = session.spheres("/no spheres");
-        ok(trz_prim_set_points(session.0, no_spheres, &empty_points));
+        ok(trz_prim_set_points(session.0, no_spheres, &no_points()));
         ok(trz_prim_set_instances(session.0, mesh, &no_instances));
         ok(trz_prim_set_instances(session.0, mesh, null()));
         ok(trz_prim_set_transform(session.0, mesh, null(), 0));

@@ -144,6 +144,7 @@ impl Session {
             sample_count: 1,
             points: &floats.as_ptr(),
             counts: &4,
+            ..no_points()
         };
         // SAFETY: pointers to live values.
         ok(unsafe { trz_prim_set_points(self.0, id, &points) });
@@ -231,6 +232,25 @@ pub fn topology() -> trz_topology {
         corner_count: 0,
         corner_sharpnesses: null(),
         corner_sharpness_count: 0,
+    }
+}
+
+pub fn no_points() -> trz_points {
+    let none = trz_float_samples {
+        times: null(),
+        sample_count: 0,
+        values: null(),
+        counts: null(),
+    };
+    trz_points {
+        struct_size: size_of::<trz_points>() as u32,
+        times: null(),
+        sample_count: 0,
+        points: null(),
+        counts: null(),
+        velocities: none,
+        accelerations: none,
+        time_codes_per_second: 0.0,
     }
 }
 

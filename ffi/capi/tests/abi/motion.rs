@@ -1,0 +1,100 @@
+//! Velocities, accelerations and blur scales, seen by rays at instants.
+
+use hdtrapeze::*;
+
+use crate::support::*;
+
+/// A session with the shutter open from 0 to 1 and a unit square at the origin.
+fn square() -> (Session, trz_id) {
+    let session = Session::with_camera();
+    let mut settings = small_settings(4);
+    settings.override_shutter = 1;
+    settings.shutter_close = 1.0;
+    // SAFETY: pointers to live values.
+    ok(unsafe { trz_session_set_settings(session.0, &settings) });
+    let square = session.square("/square", 0.0);
+    (session, square)
+}
+
+/// Gives the square rates along x, in units a time code, and a time code squared.
+fn set_rates(session: &Session, square: trz_id, velocity: f32, acceleration: f32) {
+    let floats: [f32; 12] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0];
+    let along_x = |x: f32| [x, 0.0, 0.0].repeat(4);
+    let velocities = along_x(velocity * 24.0);
+    let accelerations = along_x(acceleration * 24.0 * 24.0);
+    let (velocities, accelerations) = (velocities.as_ptr(), accelerations.as_ptr());
+    let one = |values: &*const f32| trz_float_samples {
+        times: &0.0,
+        sample_count: 1,
+        values,
+        counts: &4,
+    };
+    let points = trz_points {
+        times: &0.0,
+        sample_count: 1,
+        points: &floats.as_ptr(),
+        counts: &4,
+        velocities: one(&velocities),
+        accelerations: one(&accelerations),
+        time_codes_per_second: 24.0,
+        ..no_points()
+    };
+    // SAFETY: pointers to live values.
+    ok(unsafe { trz_prim_set_points(session.0, square, &points) });
+}
+
+fn set_motion(session: &Session, square: trz_id, blur_scale: f64, nonlinear_samples: u32) {
+    // SAFETY: a live session.
+    ok(unsafe { trz_prim_set_motion(session.0, square, blur_scale, nonlinear_samples) });
+    ok(session.commit());
+}
+
+/// Where the square's left edge is at `time`, to a sixteenth.
+fn left_edge(session: &Session, time: f32) -> f32 {
+    let x = |i: usize| (i as f32 + 0.5) / 16.0 - 4.0;
+    let rays: Vec<trz_ray> = (0..128)
+        .map(|i| trz_ray {
+            origin: [x(i), 0.5, 5.0],
+            dir: [0.0, 0.0, -1.0],
+            time,
+            t_min: 0.0,
+            t_max: f32::INFINITY,
+        })
+        .collect();
+    // SAFETY: all zero bytes are a valid value of this struct of numbers.
+    let mut hits = vec![unsafe { std::mem::zeroed::<trz_hit>() }; rays.len()];
+    // SAFETY: arrays of one length.
+    ok(unsafe { trz_trace_rays(session.0, rays.as_ptr(), hits.as_mut_ptr(), rays.len()) });
+    let first = hits.iter().position(|hit| hit.t.is_finite());
+    x(first.expect("the square is seen")) - 0.5 / 16.0
+}
+
+#[test]
+fn velocities_and_accelerations_move_points() {
+    let (session, square) = square();
+    set_rates(&session, square, 1.0, 1.0);
+    ok(session.commit());
+    assert_eq!(left_edge(&session, 0.0), 0.0);
+    assert_eq!(left_edge(&session, 0.5), 0.625);
+    assert_eq!(left_edge(&session, 1.0), 1.5);
+    set_motion(&session, square, 1.0, 2);
+    assert_eq!(left_edge(&session, 0.5), 0.75, "a straight line");
+    assert_eq!(left_edge(&session, 1.0), 1.5);
+    session.set_square_points(square, 0.0);
+    ok(session.commit());
+    assert_eq!(left_edge(&session, 1.0), 0.0, "other points have no rates");
+}
+
+#[test]
+fn blur_is_scaled_about_the_frame() {
+    let (session, square) = square();
+    set_rates(&session, square, 1.0, 0.0);
+    for (scale, x) in [(0.5, 0.5), (2.0, 2.0), (0.0, 0.0), (-3.0, 1.0)] {
+        set_motion(&session, square, scale, 0);
+        assert_eq!(left_edge(&session, 0.0), 0.0);
+        assert_eq!(left_edge(&session, 1.0), x, "{scale}");
+    }
+    // SAFETY: a live session.
+    ok(unsafe { trz_prim_set_double_sided(session.0, square, 1) });
+    ok(session.commit());
+}
