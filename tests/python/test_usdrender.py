@@ -320,13 +320,50 @@ def test_the_data_window_crops(scene):
     np.testing.assert_array_equal(alpha(scene.path("shot.exr")), FULL[:20, 10:30])
 
 
+def test_the_data_window_can_reach_out_of_the_image(scene):
+    scene.product("shot", dataWindowNDC=Gf.Vec4f(-0.25, 0.0, 1.0, 1.5))
+    assert scene.run() == 0
+    header = exr_header(scene.path("shot.exr"))
+    assert header["dataWindow"] == (-10, -20, 39, 39)
+    assert header["displayWindow"] == (0, 0, 39, 39)
+    expected = np.pad(FULL, ((20, 0), (10, 0)))
+    np.testing.assert_array_equal(alpha(scene.path("shot.exr")), expected)
+
+
+def test_a_data_window_without_a_pixel(scene, capsys):
+    scene.product("good")
+    scene.product("shot", dataWindowNDC=Gf.Vec4f(0.501, 0.0, 0.502, 1.0))
+    assert scene.run() == 0
+    one(capsys, "/Render/shot", "holds no pixel", "Not written")
+    assert alpha(scene.path("good.exr")).any()
+    scene.settings.CreateDataWindowNDCAttr(Gf.Vec4f(0.501, 0.0, 0.502, 1.0))
+    assert scene.run("--no-products") == 1
+    assert "data window holds no pixel" in capsys.readouterr().err
+
+
 def test_a_pixel_belongs_to_the_window_that_holds_its_centre(scene):
     """Neighbouring windows neither overlap nor leave a gap."""
-    for name, x0, x1 in (("left", 0.0, 0.4125), ("right", 0.4125, 1.0)):
-        scene.product(name, dataWindowNDC=Gf.Vec4f(x0, 0, x1, 1))
+    scene.settings.CreateResolutionAttr(Gf.Vec2i(40, 16))
+    middle = 16.5 / 40
+    for name, window in (
+        ("left", (0, 0, middle, 1)),
+        ("right", (middle, 0, 1, 1)),
+        ("low", (0, 0, 1, 5.5 / 16)),
+        ("high", (0, 5.5 / 16, 1, 1)),
+    ):
+        scene.product(name, dataWindowNDC=Gf.Vec4f(*window))
     assert scene.run() == 0
-    left, right = (exr_header(scene.path(f"{n}.exr"))["dataWindow"] for n in ("left", "right"))
-    assert (left[0], left[2] + 1, right[0], right[2]) == (0, 16, 16, 39)
+
+    def window(name):
+        return exr_header(scene.path(f"{name}.exr"))["dataWindow"]
+
+    left, right, low, high = (window(name) for name in ("left", "right", "low", "high"))
+    assert left[0] == 0
+    assert left[2] + 1 == right[0]
+    assert right[2] == 39
+    assert (high[1], low[3]) == (0, 15)
+    # 5.5 / 16 is exact: the centre of the sixth row from below, which is above the edge.
+    assert (high[3], low[1]) == (10, 11)
 
 
 def test_the_image_that_is_named_takes_shapes_only_from_named_settings(scene):

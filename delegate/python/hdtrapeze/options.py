@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass, field
 
-from .errors import UsageError
+from .errors import SceneError, UsageError
 
 FILTERS = {
     "box": "BOX",
@@ -172,19 +172,22 @@ class Options:
             window = -x, -y, width + x, height + y
         elif self.data_window_ndc is not None:
             left, bottom, right, top = self.data_window_ndc
-            # Pixel i has its centre at i + 1/2.
+            # Pixel i has its centre at i + 1/2. A centre on the left or the bottom edge is inside,
+            # one on the right or the top edge is not.
             window = (
                 math.ceil(left * width - 0.5),
-                math.ceil((1.0 - top) * height - 0.5),
+                height - math.ceil(top * height - 0.5),
                 math.ceil(right * width - 0.5),
-                math.ceil((1.0 - bottom) * height - 0.5),
+                height - math.ceil(bottom * height - 0.5),
             )
         else:
             return 0, 0, 0, 0
         x0, y0, x1, y1 = window
         if x0 >= x1 or y0 >= y1:
-            kind = "data window" if self.crop is None else "crop"
-            raise UsageError(f"The {kind} holds no pixel of an image of {width} x {height}.")
+            where = f"holds no pixel of an image of {width} x {height}."
+            if self.crop is None:
+                raise SceneError(f"The data window {where}")
+            raise UsageError(f"The crop {where}")
         if max(x1, width) - min(x0, 0) > 1 << 16 or max(y1, height) - min(y0, 0) > 1 << 16:
             raise UsageError("The image and its overscan span more than 65536 pixels.")
         return window

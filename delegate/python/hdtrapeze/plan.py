@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pxr import UsdGeom
 
 from .camera import settings_camera
-from .errors import OutputError
+from .errors import OutputError, SceneError
 from .frames import OutputPath
 from .log import SceneLog
 from .options import Options
@@ -65,6 +65,11 @@ def plan_renders(
             continue
         options = request.product_options(image, product.values)
         options.aovs = aovs
+        try:
+            options.data_window(options.width, options.height)
+        except SceneError as error:
+            log.warn(product.path, "data-window", f"{error} Not written")
+            continue
         output = Output(options, None, product, render_vars)
         output.metadata = facts | {"hdtrapeze/renderProduct": product.path}
         through = product.camera or camera
