@@ -1,38 +1,18 @@
 //! Dicing: closed meshes stay closed, rates hold, work stays bounded, bits do not depend on threads.
 
 mod analytic;
+mod lattice;
 
 use analytic::{Analytic, Bend};
-use glam::{DAffine3, DVec3, Vec2, Vec3};
+use glam::{DVec3, Vec3};
 use hdtrapeze_core::dice::{DiceError, DiceInput, DiceOutput, RasterMetric, RasterView, dice};
 use hdtrapeze_core::grid::{DicedMesh, octahedral};
 use hdtrapeze_core::motion::PointPath;
 use hdtrapeze_core::surface::polygon::PolygonSurface;
 use hdtrapeze_core::surface::{ChannelInfo, LimitSurface, MeshTopology, Scheme};
+use lattice::{camera, each_triangle, open_edges};
 use proptest::prelude::*;
-use std::collections::HashMap;
 use std::sync::atomic::AtomicBool;
-
-/// A perspective camera at `eye`, looking at `target`, 640 by 480 pixels.
-fn camera(eye: Vec3, target: Vec3, pixels: f32) -> RasterView {
-    let forward = (target - eye).as_dvec3().try_normalize();
-    let forward = forward.unwrap_or(-DVec3::Z);
-    let up = if forward.cross(DVec3::Y).length() > 1.0e-3 {
-        DVec3::Y
-    } else {
-        DVec3::X
-    };
-    let right = forward.cross(up).normalize();
-    let rotation = glam::DMat3::from_cols(right, right.cross(forward), -forward).transpose();
-    RasterView {
-        world_to_camera: DAffine3::from_mat3_translation(rotation, -(rotation * eye.as_dvec3())),
-        scale: Vec2::splat(pixels),
-        centre: Vec2::new(320.0, 240.0),
-        orthographic: false,
-        near: 0.05,
-        size: Vec2::new(640.0, 480.0),
-    }
-}
 
 struct Setup {
     surface: Analytic,
@@ -99,44 +79,6 @@ fn check_layout(mesh: &DicedMesh, surface: &Analytic) {
         assert_eq!(channel.values.len(), next * info.width);
     }
     assert!(mesh.positions.iter().all(|p| p.is_finite()));
-}
-
-/// Calls `f` with each micropolygon triangle at key `k`, corners ordered so that the diagonal is
-/// the last side.
-fn each_triangle(mesh: &DicedMesh, k: usize, mut f: impl FnMut([Vec3; 3])) {
-    for (g, grid) in mesh.grids.iter().enumerate() {
-        let at = mesh.grid_positions(g, k);
-        let row = grid.nu as usize + 1;
-        for j in 0..grid.nv as usize {
-            for i in 0..grid.nu as usize {
-                let v = j * row + i;
-                f([at[v], at[v + 1], at[v + row + 1]]);
-                f([at[v + row + 1], at[v + row], at[v]]);
-            }
-        }
-    }
-}
-
-/// Directed triangle edges, by position bits, that their reverses do not match.
-fn open_edges(mesh: &DicedMesh, k: usize) -> usize {
-    type Bits = [u32; 3];
-    let bits = |p: Vec3| p.to_array().map(|x| (x + 0.0).to_bits());
-    let mut balance: HashMap<(Bits, Bits), i64> = HashMap::new();
-    each_triangle(mesh, k, |t| {
-        let t = t.map(bits);
-        if t[0] == t[1] || t[1] == t[2] || t[2] == t[0] {
-            return;
-        }
-        for e in 0..3 {
-            let (a, b) = (t[e], t[(e + 1) % 3]);
-            if a < b {
-                *balance.entry((a, b)).or_default() += 1;
-            } else {
-                *balance.entry((b, a)).or_default() -= 1;
-            }
-        }
-    });
-    balance.values().filter(|&&n| n != 0).count()
 }
 
 fn assert_closed(output: &DiceOutput) {

@@ -120,7 +120,8 @@ def retype(prim, name, kind=Sdf.ValueTypeNames.String, value="x"):
     ("kind", "name"),
     [
         (UsdGeom.Cube, "size"),
-        (UsdGeom.Cube, "orientation"),
+        (UsdGeom.Sphere, "radius"),
+        (UsdGeom.Capsule_1, "radiusTop"),
         (UsdGeom.Plane, "width"),
         (UsdGeom.Plane, "length"),
         (UsdGeom.PointInstancer, "protoIndices"),
@@ -133,6 +134,64 @@ def test_one_prim_with_an_attribute_of_another_type(stage, kind, name):
         UsdGeom.PointInstancer(prim).CreatePositionsAttr([Gf.Vec3f(0)])
     retype(prim, name)
     check(stage, "another type", shown=False)
+
+
+@pytest.mark.parametrize("name", ["orientation", "axis"])
+def test_tokens_of_an_implicit_prim_that_are_none_fall_back(stage, name):
+    cylinder = UsdGeom.Cylinder.Define(stage, "/bad")
+    cylinder.GetPrim().GetAttribute(name).Set("sideways")
+    check(stage, f"{name} is 'sideways', which is none of", shown=True)
+
+
+@pytest.mark.parametrize(
+    ("kind", "sizes", "words", "shown"),
+    [
+        (UsdGeom.Sphere, {"radius": float("nan")}, "radius is NaN; the prim is dropped", False),
+        (UsdGeom.Cone, {"height": float("inf")}, "height is inf; the prim is dropped", False),
+        (UsdGeom.Cube, {"size": 1e30}, "the prim is dropped", False),
+        (UsdGeom.Sphere, {"radius": -1.0}, "radius is -1; it is rendered", True),
+        (UsdGeom.Plane, {"width": -1.0, "length": -2.0}, "width is -1; it is rendered", True),
+    ],
+)
+def test_sizes_that_make_no_sense(stage, kind, sizes, words, shown):
+    prim = kind.Define(stage, "/bad").GetPrim()
+    for name, size in sizes.items():
+        prim.GetAttribute(name).Set(size)
+    check(stage, words, shown=shown)
+
+
+def test_prims_without_size_are_silent(stage):
+    for i, (kind, name) in enumerate(
+        [
+            (UsdGeom.Sphere, "radius"),
+            (UsdGeom.Cube, "size"),
+            (UsdGeom.Cylinder, "height"),
+            (UsdGeom.Cylinder, "radius"),
+            (UsdGeom.Cone, "height"),
+            (UsdGeom.Cone, "radius"),
+            (UsdGeom.Capsule, "height"),
+            (UsdGeom.Capsule, "radius"),
+            (UsdGeom.Plane, "width"),
+        ]
+    ):
+        kind.Define(stage, f"/empty{i}").GetPrim().GetAttribute(name).Set(0.0)
+    image = render(stage, aovs=("color", "P", "normal"))
+    assert image.warnings == []
+    assert all(np.isfinite(values).all() for values in image.values())
+
+
+def test_a_primvar_of_many_values_on_an_implicit_prim_is_ignored(stage):
+    sphere = UsdGeom.Sphere.Define(stage, "/bad")
+    primvar = sphere.CreateDisplayColorPrimvar("vertex")
+    primvar.Set([Gf.Vec3f(1, 0, 0)] * 4)
+    image = check(stage, "displayColor has 4 values where its prim has 1", shown=True)
+    red, green, _, _ = image["color"][pixel(0.1, 0.1)]
+    assert red == green > 0
+    primvar.Set([Gf.Vec3f(1, 0, 0)])
+    image = render(stage)
+    assert image.warnings == []
+    red, green, _, _ = image["color"][pixel(0.1, 0.1)]
+    assert red > 0 == green
 
 
 def test_a_number_written_as_a_string_is_no_number(stage):
@@ -486,7 +545,7 @@ def test_empty_stage():
     assert "nothing to render" in image.warnings[0][2]
 
 
-@pytest.mark.parametrize("kind", [UsdGeom.Sphere, UsdGeom.BasisCurves, UsdGeom.Points])
+@pytest.mark.parametrize("kind", [UsdGeom.TetMesh, UsdGeom.BasisCurves, UsdGeom.Points])
 def test_what_is_not_supported_is_named(stage, kind):
     kind.Define(stage, "/other")
     one_warning(render(stage), "/other", "not supported yet")

@@ -341,7 +341,7 @@ def test_a_trace_that_cannot_be_written_is_refused_first(scene, tmp_path, capsys
 
 def test_a_failing_frame_is_named(scene, tmp_path, capsys):
     stage = Usd.Stage.Open(scene)
-    UsdGeom.Sphere.Define(stage, "/ball").CreateVisibilityAttr()
+    UsdGeom.TetMesh.Define(stage, "/ball").CreateVisibilityAttr()
     visibility = UsdGeom.Imageable.Get(stage, "/ball").GetVisibilityAttr()
     set_samples(visibility, {1: "invisible", 2: "inherited"})
     path = tmp_path / "late.usda"
@@ -460,7 +460,7 @@ def test_warnings_and_abort_on_error(tmp_path, capsys):
     stage = new_stage()
     add_camera(stage, "/main_cam")
     add_quad(stage).GetFaceVertexIndicesAttr().Set([0, 1, 2, 9])
-    UsdGeom.Sphere.Define(stage, "/ball")
+    UsdGeom.TetMesh.Define(stage, "/ball")
     path = tmp_path / "bad.usda"
     stage.GetRootLayer().Export(str(path))
     out = tmp_path / "a.##.png"
@@ -468,7 +468,7 @@ def test_warnings_and_abort_on_error(tmp_path, capsys):
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 2, lines  # once, not once a frame
     assert any(line.startswith("warning: /quad: ") for line in lines)
-    assert "warning: /ball: Sphere is not supported yet" in lines
+    assert "warning: /ball: TetMesh is not supported yet" in lines
     assert run("record", path, tmp_path / "b.png", *SMALL, "--quiet") == 0
     text = capsys.readouterr()
     assert text.err == ""

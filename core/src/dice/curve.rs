@@ -271,6 +271,11 @@ impl<'a> CurveView<'a> {
         &self.leaves[i - 1]
     }
 
+    /// True where the curve goes nowhere, at no key (a pole, the tip of a cone).
+    pub fn is_point(&self) -> bool {
+        self.segments == 1 && self.start == self.end
+    }
+
     /// True where `[a, b]` reaches over more than one leaf.
     pub fn is_split(&self, a: u32, b: u32) -> bool {
         self.leaf_at(a).end() < b

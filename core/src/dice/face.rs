@@ -150,6 +150,9 @@ impl<'a> FaceDicer<'a> {
     fn dice_quad(&mut self, vertices: &[u32], edges: &[u32], part: &mut Part) -> Result<(), Leave> {
         // s runs along edge 0 and against edge 2, t along edge 1 and against edge 3.
         let side = |k: usize| {
+            if self.edges.edge(self.base, edges[k]).is_point() {
+                return Side::point(edges[k], 0);
+            }
             let along = runs_forward(vertices, k);
             Side::whole(edges[k], if k < 2 { !along } else { along })
         };
@@ -183,12 +186,7 @@ impl<'a> FaceDicer<'a> {
             sides: [
                 Side::whole(edges[0], !runs_forward(vertices, 0)),
                 right,
-                Side {
-                    edge: edges[1],
-                    a: tip,
-                    b: tip,
-                    reversed: false,
-                },
+                Side::point(edges[1], tip),
                 left,
             ],
         };

@@ -30,6 +30,16 @@ impl Side {
         }
     }
 
+    /// A side that is the point at parameter `at` of an edge all along: the patch is collapsed there.
+    pub fn point(edge: u32, at: u32) -> Self {
+        Self {
+            edge,
+            a: at,
+            b: at,
+            reversed: false,
+        }
+    }
+
     /// From the corner where a base edge begins or ends to its middle: the side of a sub-face.
     /// `from_start`: the corner is at parameter 0.
     pub fn half(edge: u32, from_start: bool) -> Self {

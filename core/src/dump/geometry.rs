@@ -8,6 +8,7 @@ use crate::motion::Shutter;
 use crate::scene::{CurvesDesc, Geometry, GridsDesc, ImplicitDesc, MeshDesc, PointsSamples};
 use crate::surface::MeshTopology;
 use crate::translate::grids;
+use crate::translate::implicit;
 use crate::translate::mesh::check;
 use crate::translate::points::{Bends, PointKeys, point_keys};
 
@@ -35,7 +36,7 @@ pub(super) fn write(
     match geometry {
         Geometry::Mesh(desc) => mesh(page, path, desc, shutter, warnings),
         Geometry::Grids(desc) => grids(page, path, desc, shutter, warnings),
-        Geometry::Implicit(desc) => implicit(page, desc),
+        Geometry::Implicit(desc) => implicit(page, path, desc, shutter, warnings),
         Geometry::Curves(desc) => curves(page, path, desc, shutter, warnings),
         Geometry::Spheres(desc) => raw_points(page, path, &desc.points, shutter, warnings),
     }
@@ -106,12 +107,21 @@ fn grids(
     points(page, &checked.points);
 }
 
-fn implicit(page: &mut Page, desc: &ImplicitDesc) {
+fn implicit(
+    page: &mut Page,
+    path: &str,
+    desc: &ImplicitDesc,
+    shutter: Shutter,
+    warnings: &mut Vec<Warning>,
+) {
+    let Some(checked) = implicit::check(path, desc, shutter, warnings) else {
+        return page.line("nothing to render");
+    };
     page.line(&format!(
         "{:?} along {:?}, {:?}",
         desc.kind, desc.axis, desc.orientation
     ));
-    for (time, sizes) in desc.times.iter().zip(&desc.sizes) {
+    for (time, sizes) in checked.points.times.iter().zip(&checked.sizes) {
         page.line(&format!("sizes at {}: {}", number(*time), array(sizes, 3)));
     }
 }

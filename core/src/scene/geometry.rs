@@ -93,7 +93,8 @@ pub enum ImplicitKind {
     Cylinder,
     /// Closed, with its apex up the axis. Sizes: height, radius.
     Cone,
-    /// Sizes: height without the caps, radius of the lower and of the upper cap.
+    /// A cylinder with domes that touch its side. Sizes: height of the side, its radius at its lower
+    /// and at its upper end.
     Capsule,
 }
 

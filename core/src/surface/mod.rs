@@ -2,7 +2,8 @@
 //!
 //! A [`LimitSurface`] is a mesh whose faces can be evaluated anywhere, at every position key at
 //! once. Subdivision surfaces come from an implementation outside this crate (OpenSubdiv); polygons
-//! (`subdivisionScheme = none`) are [`polygon::PolygonSurface`].
+//! (`subdivisionScheme = none`) are [`polygon::PolygonSurface`]; spheres, cylinders, cones and capsules
+//! are [`quadric::QuadricSurface`].
 //!
 //! **Patches.** Dicing sees unit squares only. A face is presented through one or more
 //! [`PatchDomain`]s, each the image of the unit square `(s, t)`:
@@ -17,6 +18,7 @@
 //! Positions are object space, in the mesh's own units, in f32; times are the position keys' own.
 
 pub mod polygon;
+pub mod quadric;
 pub mod topology;
 mod triangulate;
 

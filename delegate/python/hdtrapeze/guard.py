@@ -70,3 +70,15 @@ def fallback(attribute: Usd.Attribute, error: Exception, log: SceneLog):
     value = prim.GetPrimDefinition().GetAttributeFallbackValue(attribute.GetName())
     log.warn(prim.GetPath(), "type", f"{reason(error)}; {value} is used")
     return value
+
+
+def token(attribute: Usd.Attribute, known, time: Usd.TimeCode, log: SceneLog) -> str:
+    """The attribute's value where it is among `known`, or with a warning its schema's fallback."""
+    value = attribute.Get(time)
+    if value in known:
+        return value
+    prim, name = attribute.GetPrim(), attribute.GetName()
+    fallback = prim.GetPrimDefinition().GetAttributeFallbackValue(name)
+    text = f"{name} is {value!r}, which is none of {', '.join(known)}; {fallback} is used"
+    log.warn(prim.GetPath(), f"token-{name}", text)
+    return fallback

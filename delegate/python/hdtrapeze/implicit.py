@@ -1,55 +1,76 @@
-"""Implicit prims that are flat all over, as meshes: UsdGeomCube and UsdGeomPlane."""
+"""Reads implicit prims: UsdGeomCube, Plane, Sphere, Cylinder, Cone and Capsule.
+
+Their sizes are numbers that may be animated; USD interpolates them linearly, and so does the
+renderer, from raw samples.
+"""
+
+from dataclasses import dataclass
 
 import numpy as np
 from pxr import Usd, UsdGeom
 
-from .guard import number
+from .guard import number, token
 from .log import SceneLog
-from .mesh import Mesh, Points, Topology
-from .shutter import Shutter
+from .mesh import ORIENTATIONS
+from .shutter import Shutter, bracketing_samples
 
-_CUBE_POINTS = np.array(
-    [(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)], dtype=np.float32
-)
-# Bit 2 of a corner's number is x, bit 1 is y, bit 0 is z; faces are counter-clockwise from outside.
-_CUBE_FACES = np.array(
-    [0, 1, 3, 2, 4, 6, 7, 5, 0, 4, 5, 1, 2, 3, 7, 6, 0, 2, 6, 4, 1, 5, 7, 3], dtype=np.int32
-)
-_PLANE_AXES = {"X": (1, 2), "Y": (2, 0), "Z": (0, 1)}
+KINDS = {
+    UsdGeom.Cube: ("CUBE", ("size",)),
+    UsdGeom.Plane: ("PLANE", ("width", "length")),
+    UsdGeom.Sphere: ("SPHERE", ("radius",)),
+    UsdGeom.Cylinder_1: ("CYLINDER", ("height", "radiusBottom", "radiusTop")),
+    UsdGeom.Cylinder: ("CYLINDER", ("height", "radius", "radius")),
+    UsdGeom.Cone: ("CONE", ("height", "radius")),
+    UsdGeom.Capsule_1: ("CAPSULE", ("height", "radiusBottom", "radiusTop")),
+    UsdGeom.Capsule: ("CAPSULE", ("height", "radius", "radius")),
+}
+"""The renderer's kind of each schema, and the attributes that are its sizes, in its order."""
+
+AXES = ("X", "Y", "Z")
 
 
-def read_cube(prim: Usd.Prim, shutter: Shutter, log: SceneLog, before: Mesh | None) -> Mesh:
-    """A cube of the authored size about the origin."""
-    cube = UsdGeom.Cube(prim)
-    attribute = cube.GetSizeAttr()
-    size = number(attribute, shutter.time)
-    topology = Topology(
-        orientation=cube.GetOrientationAttr().Get() or "rightHanded",
-        face_vertex_counts=np.full(6, 4, dtype=np.int32),
-        face_vertex_indices=_CUBE_FACES,
+@dataclass
+class Implicit:
+    """Geometry of one implicit prim; see shapes.Shape."""
+
+    shape: str
+    """A TRZ_IMPLICIT_ name."""
+    axis: str
+    orientation: str
+    times: list[float]
+    sizes: np.ndarray
+    """(n, 3), f64; what the shape does not have is 0."""
+    varies: bool
+    kind: str = "implicit"
+    is_empty: bool = False
+
+    def send(self, session, prim: int, before: "Implicit | None") -> None:
+        """Sends all of it: it is small."""
+        session.set_implicit(prim, self)
+
+
+def read_implicit(
+    prim: Usd.Prim, shutter: Shutter, log: SceneLog, before: Implicit | None
+) -> Implicit:
+    """The prim at the frame, with the samples of its sizes around the shutter."""
+    if before is not None and not before.varies:
+        return before
+    schema, (shape, names) = next((s, k) for s, k in KINDS.items() if prim.IsA(s))
+    attributes = [prim.GetAttribute(name) for name in names]
+    times = [shutter.open]
+    samples = [bracketing_samples(attribute, shutter) or [] for attribute in attributes]
+    if any(samples):
+        times = [time - shutter.frame for time in sorted({t for one in samples for t in one})]
+    sizes = np.zeros((len(times), 3))
+    for row, time in zip(sizes, times, strict=True):
+        row[: len(names)] = [number(attribute, shutter.code(time)) for attribute in attributes]
+    has_axis = hasattr(schema, "GetAxisAttr")
+    orientation = UsdGeom.Gprim(prim).GetOrientationAttr()
+    return Implicit(
+        shape=shape,
+        axis=token(schema(prim).GetAxisAttr(), AXES, shutter.time, log) if has_axis else "Z",
+        orientation=token(orientation, ORIENTATIONS, shutter.time, log),
+        times=times,
+        sizes=sizes,
+        varies=any(attribute.ValueMightBeTimeVarying() for attribute in attributes),
     )
-    points = np.ascontiguousarray(_CUBE_POINTS * np.float32(size))
-    varies = attribute.ValueMightBeTimeVarying()
-    return Mesh(topology, Points([shutter.open], [points], varies))
-
-
-def read_plane(prim: Usd.Prim, shutter: Shutter, log: SceneLog, before: Mesh | None) -> Mesh:
-    """A rectangle about the origin, facing along its axis."""
-    plane = UsdGeom.Plane(prim)
-    width = number(plane.GetWidthAttr(), shutter.time)
-    length = number(plane.GetLengthAttr(), shutter.time)
-    axis = plane.GetAxisAttr().Get() or "Z"
-    # Width runs along x (along z where the plane faces x), length along y (along z for y).
-    u, v = _PLANE_AXES.get(axis, (0, 1))
-    size = {"X": (length, width), "Y": (length, width)}.get(axis, (width, length))
-    points = np.zeros((4, 3), dtype=np.float32)
-    for corner, (su, sv) in enumerate([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]):
-        points[corner, u] = su * size[0]
-        points[corner, v] = sv * size[1]
-    topology = Topology(
-        orientation=plane.GetOrientationAttr().Get() or "rightHanded",
-        face_vertex_counts=np.array([4], dtype=np.int32),
-        face_vertex_indices=np.arange(4, dtype=np.int32),
-    )
-    varies = any(a.ValueMightBeTimeVarying() for a in (plane.GetWidthAttr(), plane.GetLengthAttr()))
-    return Mesh(topology, Points([shutter.open], [points], varies))

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from pxr import Usd, UsdGeom
 
+from .guard import token
 from .log import SceneLog
 from .shutter import Shutter, bracketing_samples
 from .transforms import MAX_KEYS, TOLERANCE
@@ -107,21 +108,6 @@ def read_mesh(prim: Usd.Prim, shutter: Shutter, log: SceneLog, before: Mesh | No
 def read_topology(mesh: UsdGeom.Mesh, shutter: Shutter, log: SceneLog) -> Topology:
     """Topology at the frame."""
 
-    def token(attribute, known):
-        value = attribute.Get(shutter.time)
-        if value in known:
-            return value
-        fallback = (
-            attribute.GetPrim().GetPrimDefinition().GetAttributeFallbackValue(attribute.GetName())
-        )
-        log.warn(
-            mesh.GetPath(),
-            f"token-{attribute.GetName()}",
-            f"{attribute.GetName()} is {value!r}, which is none of {', '.join(known)}; "
-            f"{fallback} is used",
-        )
-        return fallback
-
     arrays = {
         "face_vertex_counts": (mesh.GetFaceVertexCountsAttr(), np.int32),
         "face_vertex_indices": (mesh.GetFaceVertexIndicesAttr(), np.int32),
@@ -133,11 +119,13 @@ def read_topology(mesh: UsdGeom.Mesh, shutter: Shutter, log: SceneLog) -> Topolo
         "corner_sharpnesses": (mesh.GetCornerSharpnessesAttr(), np.float32),
     }
     topology = Topology(
-        scheme=token(mesh.GetSubdivisionSchemeAttr(), SCHEMES),
-        boundary=token(mesh.GetInterpolateBoundaryAttr(), BOUNDARIES),
-        face_varying=token(mesh.GetFaceVaryingLinearInterpolationAttr(), FACE_VARYING),
-        triangles=token(mesh.GetTriangleSubdivisionRuleAttr(), TRIANGLES),
-        orientation=token(mesh.GetOrientationAttr(), ORIENTATIONS),
+        scheme=token(mesh.GetSubdivisionSchemeAttr(), SCHEMES, shutter.time, log),
+        boundary=token(mesh.GetInterpolateBoundaryAttr(), BOUNDARIES, shutter.time, log),
+        face_varying=token(
+            mesh.GetFaceVaryingLinearInterpolationAttr(), FACE_VARYING, shutter.time, log
+        ),
+        triangles=token(mesh.GetTriangleSubdivisionRuleAttr(), TRIANGLES, shutter.time, log),
+        orientation=token(mesh.GetOrientationAttr(), ORIENTATIONS, shutter.time, log),
         varies=any(attribute.ValueMightBeTimeVarying() for attribute, _ in arrays.values()),
     )
     for name, (attribute, dtype) in arrays.items():

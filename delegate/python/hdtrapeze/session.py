@@ -13,6 +13,7 @@ from . import native
 from .camera import CameraState
 from .errors import SceneError
 from .lens import LENS_ATTRIBUTES
+from .implicit import Implicit
 from .log import SceneLog
 from .mesh import BOUNDARIES, FACE_VARYING, ORIENTATIONS, SCHEMES, TRIANGLES, Points, Topology
 from .primvars import INTERPOLATIONS, Primvar
@@ -141,6 +142,18 @@ class Session:
             setattr(value, name, arrays.pointer(array))
             setattr(value, count, array.size)
         self._call("trz_mesh_set_topology", prim, value)
+
+    def set_implicit(self, prim: int, implicit: Implicit) -> None:
+        """Sets kind and sizes of an implicit prim."""
+        arrays = _Arrays()
+        value = native.new("trz_implicit")
+        value.kind = self._value("IMPLICIT", implicit.shape)
+        value.axis = self._value("AXIS", implicit.axis)
+        value.orientation = self._value("ORIENTATION", ORIENTATIONS[implicit.orientation])
+        value.times = arrays.pointer(np.asarray(implicit.times, dtype=np.float64))
+        value.sizes = arrays.pointer(implicit.sizes)
+        value.sample_count = len(implicit.times)
+        self._call("trz_implicit_set", prim, value)
 
     def set_points(self, prim: int, points: Points) -> None:
         """Sets the points of a mesh, of curves or spheres."""

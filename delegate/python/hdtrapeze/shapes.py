@@ -9,7 +9,7 @@ from typing import Protocol
 
 from pxr import Usd, UsdGeom
 
-from .implicit import read_cube, read_plane
+from .implicit import KINDS, read_implicit
 from .mesh import read_mesh
 
 
@@ -35,8 +35,7 @@ Reader = Callable[..., Shape]
 
 READERS: list[tuple[type, Reader]] = [
     (UsdGeom.Mesh, read_mesh),
-    (UsdGeom.Cube, read_cube),
-    (UsdGeom.Plane, read_plane),
+    *((schema, read_implicit) for schema in KINDS),
 ]
 
 

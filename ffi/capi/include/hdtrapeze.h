@@ -17,9 +17,9 @@
  * row vectors. Enum-like fields are uint32_t and take the constants of the group that they name;
  * flags are 0 or 1.
  *
- * Edits (trz_mesh_*, trz_grids_*, trz_camera_*, trz_prim_*, trz_session_set_*) are queued from any
- * thread and take effect together, in their order, at the next trz_session_commit or
- * trz_render_start.
+ * Edits (trz_mesh_*, trz_grids_*, trz_implicit_*, trz_camera_*, trz_prim_*, trz_session_set_*) are
+ * queued from any thread and take effect together, in their order, at the next trz_session_commit
+ * or trz_render_start.
  *
  * A defect of the library is TRZ_ERROR_INTERNAL and poisons the session: later calls return
  * TRZ_ERROR_POISONED, trz_session_destroy still works.
@@ -156,6 +156,34 @@
 
 // They are tubes.
 #define TRZ_CURVES_TUBES 3
+
+// UsdGeomCube. Sizes: edge.
+#define TRZ_IMPLICIT_CUBE 0
+
+// UsdGeomPlane, facing along its axis. Sizes: width, length.
+#define TRZ_IMPLICIT_PLANE 1
+
+// UsdGeomSphere. Sizes: radius.
+#define TRZ_IMPLICIT_SPHERE 2
+
+// UsdGeomCylinder and UsdGeomCylinder_1. Sizes: height, radius at the lower and at the upper end.
+#define TRZ_IMPLICIT_CYLINDER 3
+
+// UsdGeomCone, its tip up the axis. Sizes: height, radius.
+#define TRZ_IMPLICIT_CONE 4
+
+// UsdGeomCapsule and UsdGeomCapsule_1: domes touch the side. Sizes: height of the side, its radius
+// at the lower and at the upper end.
+#define TRZ_IMPLICIT_CAPSULE 5
+
+// Along x.
+#define TRZ_AXIS_X 0
+
+// Along y.
+#define TRZ_AXIS_Y 1
+
+// Along z (USD's default).
+#define TRZ_AXIS_Z 2
 
 // One value for the prim.
 #define TRZ_INTERPOLATION_CONSTANT 0
@@ -395,6 +423,25 @@ typedef struct trz_grids {
   // Vertices over all grids and keys (3 floats each).
   size_t position_count;
 } trz_grids;
+
+// An implicit prim about the origin: a cube, sphere and so on. Sizes go linearly from sample to
+// sample.
+typedef struct trz_implicit {
+  // sizeof(trz_implicit).
+  uint32_t struct_size;
+  // TRZ_IMPLICIT_*.
+  uint32_t kind;
+  // TRZ_AXIS_*; cubes and spheres have none.
+  uint32_t axis;
+  // TRZ_ORIENTATION_*; left-handed turns the outside in.
+  uint32_t orientation;
+  // sample_count times, in time codes relative to the frame, in any order.
+  const double *times;
+  // sample_count * 3: the sizes that the kind names; the rest is ignored.
+  const double *sizes;
+  // Number of samples.
+  size_t sample_count;
+} trz_implicit;
 
 // Lens, film back and exposure at one instant; fields as in trz_camera.
 typedef struct trz_lens_sample {
@@ -894,6 +941,22 @@ trz_result trz_grids_create(struct trz_session *session, const char *path, trz_i
 trz_result trz_grids_set(struct trz_session *session,
                          trz_id grids_prim,
                          const struct trz_grids *grids);
+
+// Queues an implicit prim without sizes. path (UTF-8) names it in messages.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT (path), TRZ_ERROR_POISONED.
+// Threads: any.
+trz_result trz_implicit_create(struct trz_session *session, const char *path, trz_id *out);
+
+// Queues kind and sizes of an implicit prim, in place of those before; everything is copied. Sizes
+// that are not finite or are negative are found at commit. Primvars of implicit prims have one
+// value; elementId is 0.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
+// TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_POISONED. Threads: any.
+trz_result trz_implicit_set(struct trz_session *session,
+                            trz_id prim,
+                            const struct trz_implicit *implicit);
 
 // Queues a camera with trz_camera_default's values. path (UTF-8) names it in messages and
 // metadata.

@@ -97,6 +97,27 @@ pub const TRZ_CURVES_RIBBONS: u32 = 2;
 /// They are tubes.
 pub const TRZ_CURVES_TUBES: u32 = 3;
 
+/// UsdGeomCube. Sizes: edge.
+pub const TRZ_IMPLICIT_CUBE: u32 = 0;
+/// UsdGeomPlane, facing along its axis. Sizes: width, length.
+pub const TRZ_IMPLICIT_PLANE: u32 = 1;
+/// UsdGeomSphere. Sizes: radius.
+pub const TRZ_IMPLICIT_SPHERE: u32 = 2;
+/// UsdGeomCylinder and UsdGeomCylinder_1. Sizes: height, radius at the lower and at the upper end.
+pub const TRZ_IMPLICIT_CYLINDER: u32 = 3;
+/// UsdGeomCone, its tip up the axis. Sizes: height, radius.
+pub const TRZ_IMPLICIT_CONE: u32 = 4;
+/// UsdGeomCapsule and UsdGeomCapsule_1: domes touch the side. Sizes: height of the side, its radius
+/// at the lower and at the upper end.
+pub const TRZ_IMPLICIT_CAPSULE: u32 = 5;
+
+/// Along x.
+pub const TRZ_AXIS_X: u32 = 0;
+/// Along y.
+pub const TRZ_AXIS_Y: u32 = 1;
+/// Along z (USD's default).
+pub const TRZ_AXIS_Z: u32 = 2;
+
 /// One value for the prim.
 pub const TRZ_INTERPOLATION_CONSTANT: u32 = 0;
 /// One value a face, or a curve.

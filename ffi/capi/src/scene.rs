@@ -1,4 +1,4 @@
-//! Scene edits: `trz_mesh_*`, `trz_grids_*`, `trz_camera_*`, `trz_prim_*`.
+//! Scene edits: `trz_mesh_*`, `trz_grids_*`, `trz_implicit_*`, `trz_camera_*`, `trz_prim_*`.
 //!
 //! Each function checks what memory safety needs, copies its input, and queues one edit. Whether
 //! the data make sense (indices in range, counts that match) is found at commit.
@@ -158,6 +158,40 @@ pub unsafe extern "C" fn trz_grids_set(
     unsafe {
         edit(session, grids_prim, || {
             convert::grids(&input::read(grids, "grids")?).map(Edit::Grids)
+        })
+    }
+}
+
+/// Queues an implicit prim without sizes. path (UTF-8) names it in messages.
+///
+/// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT (path), TRZ_ERROR_POISONED.
+/// Threads: any.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trz_implicit_create(
+    session: *mut trz_session,
+    path: *const c_char,
+    out: *mut trz_id,
+) -> trz_result {
+    // SAFETY: the caller passes null or valid pointers.
+    unsafe { create(session, Kind::Implicit, path, out) }
+}
+
+/// Queues kind and sizes of an implicit prim, in place of those before; everything is copied. Sizes
+/// that are not finite or are negative are found at commit. Primvars of implicit prims have one
+/// value; elementId is 0.
+///
+/// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
+/// TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_POISONED. Threads: any.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trz_implicit_set(
+    session: *mut trz_session,
+    prim: trz_id,
+    implicit: *const trz_implicit,
+) -> trz_result {
+    // SAFETY: the caller passes null or valid pointers.
+    unsafe {
+        edit(session, prim, || {
+            convert::implicit(&input::read(implicit, "implicit")?).map(Edit::Implicit)
         })
     }
 }

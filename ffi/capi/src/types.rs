@@ -245,6 +245,27 @@ pub struct trz_lens_sample {
     pub exposure_scale: f64,
 }
 
+/// An implicit prim about the origin: a cube, sphere and so on. Sizes go linearly from sample to
+/// sample.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct trz_implicit {
+    /// sizeof(trz_implicit).
+    pub struct_size: u32,
+    /// TRZ_IMPLICIT_*.
+    pub kind: u32,
+    /// TRZ_AXIS_*; cubes and spheres have none.
+    pub axis: u32,
+    /// TRZ_ORIENTATION_*; left-handed turns the outside in.
+    pub orientation: u32,
+    /// sample_count times, in time codes relative to the frame, in any order.
+    pub times: *const f64,
+    /// sample_count * 3: the sizes that the kind names; the rest is ignored.
+    pub sizes: *const f64,
+    /// Number of samples.
+    pub sample_count: usize,
+}
+
 /// A thin-lens camera that looks down its local -z with +y up. All lengths are scene units
 /// (UsdGeomCamera's apertures and focal length are tenths: multiply by 0.1). Numbers are checked at
 /// commit: those that cannot be used are replaced, with a warning that names the camera.

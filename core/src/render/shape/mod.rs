@@ -4,6 +4,7 @@
 //! render (with warnings that say why). A shape is diced once for every [`Target`] it is placed at.
 
 mod grids;
+mod implicit;
 mod mesh;
 mod surface;
 
@@ -56,7 +57,8 @@ pub(super) fn make(
     match &prim.geometry {
         Geometry::Mesh(desc) => mesh::make(prim, desc, context, out),
         Geometry::Grids(desc) => grids::make(prim, desc, context, out),
-        Geometry::Implicit(_) | Geometry::Curves(_) | Geometry::Spheres(_) => {
+        Geometry::Implicit(desc) => implicit::make(prim, desc, context, out),
+        Geometry::Curves(_) | Geometry::Spheres(_) => {
             let text = "this kind of prim is not supported yet; it is not rendered";
             out.warn(&prim.common.path, Code::Unsupported, text);
             None

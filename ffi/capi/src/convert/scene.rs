@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use glam::{DMat4, Vec3};
 use hdtrapeze_core::scene::{
-    CurveBasis, CurveForm, CurveWrap, CurvesDesc, GridsDesc, InstancesDesc, Interpolation,
-    PointsSamples, PrimvarDesc, Rates, Samples, TransformSamples,
+    Axis, CurveBasis, CurveForm, CurveWrap, CurvesDesc, GridsDesc, ImplicitDesc, ImplicitKind,
+    InstancesDesc, Interpolation, PointsSamples, PrimvarDesc, Rates, Samples, TransformSamples,
 };
 use hdtrapeze_core::surface::{
     BoundaryInterpolation, FaceVaryingLinear, Orientation, Scheme, TriangleRule,
@@ -186,6 +186,30 @@ pub(super) fn curve_form(number: u32, what: &str) -> Result<Option<CurveForm>, F
         Some(CurveForm::Tubes),
     ];
     pick(&forms, number, what)
+}
+
+pub(crate) unsafe fn implicit(from: &trz_implicit) -> Result<ImplicitDesc, Fault> {
+    let kinds = [
+        ImplicitKind::Cube,
+        ImplicitKind::Plane,
+        ImplicitKind::Sphere,
+        ImplicitKind::Cylinder,
+        ImplicitKind::Cone,
+        ImplicitKind::Capsule,
+    ];
+    let sides = [Orientation::RightHanded, Orientation::LeftHanded];
+    let doubles = times(from.sample_count, 3, "sizes")?;
+    // SAFETY: as the caller promises.
+    unsafe {
+        let (sizes, _) = slice(from.sizes, doubles, "sizes")?.as_chunks::<3>();
+        Ok(ImplicitDesc {
+            kind: pick(&kinds, from.kind, "kind")?,
+            axis: pick(&[Axis::X, Axis::Y, Axis::Z], from.axis, "axis")?,
+            orientation: pick(&sides, from.orientation, "orientation")?,
+            times: copied(slice(from.times, from.sample_count, "times")?, |&t| t)?,
+            sizes: copied(sizes, |&s| s)?,
+        })
+    }
 }
 
 pub(crate) unsafe fn grids(from: &trz_grids) -> Result<GridsDesc, Fault> {

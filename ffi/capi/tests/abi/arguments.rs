@@ -26,6 +26,7 @@ fn unknown_and_unfit_ids() {
         let bad = TRZ_ERROR_INVALID_ARGUMENT;
         fails(trz_camera_set(s, mesh, &lens), bad);
         fails(trz_mesh_set_topology(s, camera, &topology()), bad);
+        fails(trz_implicit_set(s, mesh, &sphere()), bad);
         fails(trz_prim_set_visible(s, camera, 1), bad);
         fails(trz_prim_set_matte(s, camera, 1), bad);
         fails(trz_prim_set_motion(s, camera, 1.0, 0), bad);
@@ -52,6 +53,14 @@ fn enums_flags_and_strings() {
         |t| t.orientation = u32::MAX,
         |t| t.struct_size -= 1,
     ];
+    let ball = session.implicit("/ball");
+    let implicit_changes: [fn(&mut trz_implicit); 5] = [
+        |i| i.kind = 6,
+        |i| i.axis = 3,
+        |i| i.orientation = 2,
+        |i| i.sample_count = usize::MAX / 2,
+        |i| i.struct_size -= 1,
+    ];
     // SAFETY: pointers to live values.
     unsafe {
         let s = session.0;
@@ -59,6 +68,11 @@ fn enums_flags_and_strings() {
             let mut topology = topology();
             change(&mut topology);
             fails(trz_mesh_set_topology(s, mesh, &topology), bad);
+        }
+        for change in implicit_changes {
+            let mut sphere = sphere();
+            change(&mut sphere);
+            fails(trz_implicit_set(s, ball, &sphere), bad);
         }
         fails(trz_prim_set_visible(s, mesh, 2), bad);
         let curves_id = session.curves("/curves");

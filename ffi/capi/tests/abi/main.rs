@@ -10,5 +10,6 @@ mod messages;
 mod motion;
 mod nulls;
 mod panics;
+mod shapes;
 mod support;
 mod threads;

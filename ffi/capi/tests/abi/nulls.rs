@@ -33,6 +33,8 @@ fn null_session() {
         trz_curves_create(s, c"/a".as_ptr(), &mut 0);
         trz_curves_set(s, 1, null());
         trz_spheres_create(s, c"/a".as_ptr(), &mut 0);
+        trz_implicit_create(s, c"/a".as_ptr(), &mut 0);
+        trz_implicit_set(s, 1, null());
         trz_camera_create(s, c"/a".as_ptr(), &mut 0);
         trz_camera_set(s, 1, &camera);
         trz_prim_set_transform(s, 1, null(), 0);
@@ -81,10 +83,11 @@ fn null_session() {
 fn null_arguments() {
     let session = Session::with_camera();
     let s = session.0;
-    let (mesh, grids, camera) = (
+    let (mesh, grids, camera, ball) = (
         session.mesh("/mesh"),
         session.grids("/grids"),
         session.camera("/other"),
+        session.implicit("/ball"),
     );
     let name = c"a".as_ptr();
     let no_name = [null()];
@@ -131,6 +134,14 @@ fn null_arguments() {
     let curves = trz_curves {
         curve_count: 1,
         ..curves()
+    };
+    let no_sizes = trz_implicit {
+        sizes: null(),
+        ..sphere()
+    };
+    let no_times = trz_implicit {
+        times: null(),
+        ..sphere()
     };
     let primvar = trz_primvar {
         struct_size: size(size_of::<trz_primvar>()),
@@ -233,6 +244,11 @@ fn null_arguments() {
         trz_spheres_create(s, null(), &mut 0);
         trz_spheres_create(s, name, null_mut());
         trz_prim_set_points(s, spheres, null());
+        trz_implicit_create(s, null(), &mut 0);
+        trz_implicit_create(s, name, null_mut());
+        trz_implicit_set(s, ball, null());
+        trz_implicit_set(s, ball, &no_sizes);
+        trz_implicit_set(s, ball, &no_times);
         trz_camera_set(s, camera, null());
         trz_camera_set(s, camera, &no_curve);
         trz_camera_set(s, camera, &no_planes);
@@ -288,6 +304,13 @@ fn empty_arrays_need_no_pointer() {
         positions: null(),
         position_count: 0,
     };
+    let ball = session.implicit("/no sizes");
+    let empty_sizes = trz_implicit {
+        times: null(),
+        sizes: null(),
+        sample_count: 0,
+        ..sphere()
+    };
     let no_instances = trz_instances {
         struct_size: size_of::<trz_instances>() as u32,
         times: null(),
@@ -305,6 +328,7 @@ fn empty_arrays_need_no_pointer() {
         ok(trz_curves_set(session.0, no_curves, &curves()));
         let no_spheres = session.spheres("/no spheres");
         ok(trz_prim_set_points(session.0, no_spheres, &no_points()));
+        ok(trz_implicit_set(session.0, ball, &empty_sizes));
         ok(trz_prim_set_instances(session.0, mesh, &no_instances));
         ok(trz_prim_set_instances(session.0, mesh, null()));
         ok(trz_prim_set_transform(session.0, mesh, null(), 0));

@@ -96,6 +96,13 @@ impl Session {
         id
     }
 
+    pub fn implicit(&self, path: &str) -> trz_id {
+        let (path, mut id) = (CString::new(path).unwrap(), 0);
+        // SAFETY: pointers to live values.
+        ok(unsafe { trz_implicit_create(self.0, path.as_ptr(), &mut id) });
+        id
+    }
+
     pub fn camera(&self, path: &str) -> trz_id {
         let (path, mut id) = (CString::new(path).unwrap(), 0);
         // SAFETY: pointers to live values.
@@ -262,6 +269,18 @@ pub fn curves() -> trz_curves {
         form: TRZ_CURVES_DEFAULT,
         vertex_counts: null(),
         curve_count: 0,
+    }
+}
+
+pub fn sphere() -> trz_implicit {
+    trz_implicit {
+        struct_size: size_of::<trz_implicit>() as u32,
+        kind: TRZ_IMPLICIT_SPHERE,
+        axis: TRZ_AXIS_Z,
+        orientation: TRZ_ORIENTATION_RIGHT_HANDED,
+        times: &0.0,
+        sizes: [1.0, 0.0, 0.0].as_ptr(),
+        sample_count: 1,
     }
 }
 
