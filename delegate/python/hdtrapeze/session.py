@@ -12,8 +12,8 @@ import numpy as np
 from . import native
 from .camera import CameraState
 from .errors import SceneError
-from .lens import LENS_ATTRIBUTES
 from .implicit import Implicit
+from .lens import LENS_ATTRIBUTES
 from .log import SceneLog
 from .mesh import BOUNDARIES, FACE_VARYING, ORIENTATIONS, SCHEMES, TRIANGLES, Points, Topology
 from .primvars import INTERPOLATIONS, Primvar
