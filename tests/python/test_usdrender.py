@@ -3,94 +3,16 @@
 import hdtrapeze
 import numpy as np
 import pytest
-from hdtrapeze.cli import main
 from hdtrapeze.frames import expand_frame
 from images import exr_header, read_exr, read_png
-from pxr import Gf, Sdf, UsdGeom, UsdHydra, UsdRender
-from scenes import add_camera, add_quad, new_stage, quad_coverage, set_samples
-
-FAST = ["--samples", "4", "--filter", "box"]
-HALF = quad_coverage(-2, -2, 2, 2, size=20)
-FULL = quad_coverage(-2, -2, 2, 2)
-
-
-class Scene:
-    """A stage with a quad, cameras and render settings; saved before each run."""
-
-    def __init__(self, folder):
-        self.folder = folder
-        self.runs = 0
-        self.stage = new_stage()
-        self.stage.SetStartTimeCode(1)
-        add_camera(self.stage, "/main_cam")
-        self.quad = add_quad(self.stage)
-        self.settings = UsdRender.Settings.Define(self.stage, "/Render/settings")
-        self.settings.CreateResolutionAttr(Gf.Vec2i(40, 40))
-        self.var("color")
-
-    def var(self, name, **attributes):
-        """A RenderVar /Render/Vars/NAME; attributes by their USD names, __ for a colon."""
-        var = UsdRender.Var.Define(self.stage, f"/Render/Vars/{name}")
-        for key, value in attributes.items():
-            key = key.replace("__", ":")
-            attribute = var.GetPrim().GetAttribute(key)
-            if not attribute:
-                attribute = var.GetPrim().CreateAttribute(key, Sdf.ValueTypeNames.String)
-            attribute.Set(value)
-        return var
-
-    def product(self, name, *variables, file=None, **attributes):
-        """A RenderProduct /Render/NAME of the settings that writes NAME.exr."""
-        product = UsdRender.Product.Define(self.stage, f"/Render/{name}")
-        product.CreateProductNameAttr(str(self.folder / (file or f"{name}.exr")))
-        paths = [f"/Render/Vars/{var}" for var in variables or ["color"]]
-        product.CreateOrderedVarsRel().SetTargets(paths)
-        for key, value in attributes.items():
-            product.GetPrim().GetAttribute(key).Set(value)
-        self.settings.CreateProductsRel().AddTarget(product.GetPath())
-        return product
-
-    def path(self, name):
-        return self.folder / name
-
-    def run(self, *flags, out="own.png", named=True):
-        """The exit code of `record` with the settings named, or only in the stage's metadata."""
-        # USD may still have the layer of the run before.
-        self.runs += 1
-        file = self.path(f"scene{self.runs}.usda")
-        self.stage.SetMetadata("renderSettingsPrimPath", "/Render/settings")
-        self.stage.GetRootLayer().Export(str(file))
-        named = ["-rs", "/Render/settings"] if named and "-rp" not in flags else []
-        arguments = ["record", file, self.path(out), *FAST, *named, *flags]
-        try:
-            return main([str(argument) for argument in arguments])
-        except SystemExit as stop:
-            return stop.code
+from pxr import Gf, Sdf, UsdGeom
+from scenes import add_camera, quad_coverage, set_samples
+from usdrender_scene import FAST, FULL, HALF, Scene, alpha, one, warnings
 
 
 @pytest.fixture
 def scene(tmp_path):
     return Scene(tmp_path)
-
-
-def warnings(capsys):
-    """Lines of stderr; fails where there is anything but warnings."""
-    lines = capsys.readouterr().err.splitlines()
-    assert all(line.startswith("warning: ") for line in lines), lines
-    return [line.removeprefix("warning: ") for line in lines]
-
-
-def one(capsys, path, *words):
-    """Asserts that there was one warning, about `path`, with `words` in it."""
-    lines = warnings(capsys)
-    assert len(lines) == 1, lines
-    assert lines[0].startswith(f"{path}: "), lines
-    for word in words:
-        assert word in lines[0], lines
-
-
-def alpha(path):
-    return np.asarray(read_exr(path)["A"], np.float32)
 
 
 # Products ----------------------------------------------------------------------------------------
@@ -415,12 +337,8 @@ def test_own_settings(scene, monkeypatch):
     product = scene.product("shot")
     own(product, samples=2, pixelType="float", compression="none")
     own(product.GetPrim(), seed=6)
-    FAST_FLAGS = FAST.copy()
-    FAST.clear()
-    try:
-        assert scene.run("-c", "high", out="own.exr") == 0
-    finally:
-        FAST.extend(FAST_FLAGS)
+    scene.flags = []
+    assert scene.run("-c", "high", out="own.exr") == 0
     first, second = seen
     assert (first.samples, first.shading_rate, first.seed) == (16, 1.0, 5)
     assert (first.filter, first.filter_width) == ("mitchell", 3.0)
@@ -432,6 +350,7 @@ def test_own_settings(scene, monkeypatch):
     assert header["channels"]["R"] == "float"
     assert header["hdtrapeze/samples"] == 2
     seen.clear()
+    scene.flags = FAST
     assert scene.run("--seed", 1, "--half", "--compression", "zips", out="own.exr") == 0
     assert [options.samples for options in seen] == [4], "flags win, so they agree"
     assert exr_header(scene.path("shot.exr"))["channels"]["R"] == "half"
@@ -447,242 +366,6 @@ def test_own_settings_that_cannot_be(scene, capsys):
     for words in ("samples is 0", "did you mean trapeze:samples?", "'sharp'", "'one'", "-1.0"):
         assert words in text
     assert read_png(scene.path("own.png")).shape == (40, 40, 4)
-
-
-# What is wrong -----------------------------------------------------------------------------------
-
-
-def test_vars_without_an_aov_are_left_out(scene, capsys):
-    scene.var("diffuse", sourceName="C<RD>[<L.>O]", sourceType="lpe")
-    scene.var("whole", sourceName="C.*[<L.>O]", sourceType="lpe")
-    scene.var("none", sourceName="nonsense")
-    scene.product("shot", "diffuse", "whole", "none", "nobody")
-    assert scene.run() == 0
-    lines = warnings(capsys)
-    assert sorted(line.split(": ")[0] for line in lines) == [
-        *("/Render/Vars/diffuse", "/Render/Vars/none", "/Render/shot")
-    ]
-    assert any("/Render/Vars/nobody" in line for line in lines)
-    assert set(exr_header(scene.path("shot.exr"))["channels"]) == set("RGBA")
-
-
-def test_a_product_without_vars_holds_color(scene, capsys):
-    product = scene.product("shot")
-    product.GetOrderedVarsRel().ClearTargets(True)
-    assert scene.run() == 0
-    one(capsys, "/Render/shot", "orderedVars is empty", "color is written")
-    np.testing.assert_array_equal(alpha(scene.path("shot.exr")), FULL)
-
-
-@pytest.mark.parametrize(
-    ("break_it", "words"),
-    [
-        (lambda p, s: p.GetProductNameAttr().Clear(), "no productName"),
-        (lambda p, s: p.GetProductNameAttr().Set("shot.tif"), "must end in .exr or .png"),
-        (lambda p, s: p.CreateProductTypeAttr("deepRaster"), "deepRaster is not supported"),
-        (lambda p, s: p.CreateCameraRel().SetTargets(["/quad"]), "/quad is no camera"),
-        (lambda p, s: p.CreateCameraRel().SetTargets(["/nobody"]), "/nobody is no camera"),
-        (lambda p, s: p.GetProductNameAttr().Set(str(s.path("good.exr"))), "already written by"),
-    ],
-)
-def test_faulty_products_are_left_out(scene, capsys, break_it, words):
-    scene.product("good")
-    break_it(scene.product("shot"), scene)
-    assert scene.run() == 0
-    one(capsys, "/Render/shot", words)
-    assert alpha(scene.path("good.exr")).any()
-    assert not scene.path("shot.exr").exists()
-    assert scene.path("own.png").exists()
-
-
-def test_products_that_cannot_be_written_end_in_exit_code_3(scene, capsys):
-    scene.product("good")
-    scene.product("lost", file="nowhere/lost.exr")
-    assert scene.run() == 3
-    lines = capsys.readouterr().err.splitlines()
-    assert len(lines) == 2, lines
-    assert lines[0].startswith("warning: /Render/lost: The folder ")
-    assert lines[1] == "error: A render product was not written: /Render/lost."
-    assert alpha(scene.path("good.exr")).any()
-    assert scene.path("own.png").exists()
-
-
-def test_a_product_takes_the_place_of_the_image_of_its_name(scene, capsys):
-    scene.var("depth")
-    scene.product("own", "color", "depth")
-    assert scene.run(out="own.exr") == 0
-    assert "depth.Z" in exr_header(scene.path("own.exr"))["channels"]
-    lines = warnings(capsys)
-    assert len(lines) == 1, lines
-    assert "already written by /Render/own" in lines[0]
-
-
-def test_targets_that_are_no_products(scene, capsys):
-    scene.product("good")
-    scene.settings.GetProductsRel().AddTarget("/quad")
-    assert scene.run() == 0
-    one(capsys, "/Render/settings", "products names /quad", "no RenderProduct")
-    assert scene.path("good.exr").exists()
-
-
-def test_relationships_that_lead_in_a_circle(scene, capsys):
-    scene.settings.CreateProductsRel().SetTargets(["/Render/settings.camera"])
-    scene.settings.CreateCameraRel().SetTargets(["/Render/settings.products"])
-    assert scene.run() == 0
-    lines = warnings(capsys)
-    assert len(lines) == 2, lines
-    assert all(line.startswith("/Render/settings: ") for line in lines)
-    assert scene.path("own.png").exists()
-
-
-def test_relationships_through_relationships(scene):
-    add_camera(scene.stage, "/wide", horizontalAperture=40.0, verticalAperture=40.0)
-    indirect = scene.stage.GetPrimAtPath("/quad").CreateRelationship("shot:camera")
-    indirect.SetTargets(["/wide"])
-    scene.settings.CreateCameraRel().SetTargets(["/quad.shot:camera"])
-    assert scene.run() == 0
-    own = read_png(scene.path("own.png"))[..., 3] / 255.0
-    np.testing.assert_array_equal(own, quad_coverage(-1, -1, 1, 1))
-
-
-def test_several_cameras_are_one_warning(scene, capsys):
-    add_camera(scene.stage, "/wide", horizontalAperture=40.0, verticalAperture=40.0)
-    scene.settings.CreateCameraRel().SetTargets(["/wide", "/main_cam"])
-    assert scene.run() == 0
-    one(capsys, "/Render/settings", "camera has 2 targets", "/wide")
-
-
-@pytest.mark.parametrize(
-    ("attribute", "value", "words"),
-    [
-        ("resolution", Gf.Vec2i(0, 20), "(0, 20)"),
-        ("resolution", Gf.Vec2i(20, 1 << 20), "65536"),
-        ("pixelAspectRatio", -1.0, "above 0"),
-        ("pixelAspectRatio", float("nan"), "above 0"),
-        ("aspectRatioConformPolicy", "stretch", "adjustPixelAspectRatio"),
-        ("dataWindowNDC", Gf.Vec4f(0.5, 0, 0.5, 1), "xmin < xmax"),
-        ("includedPurposes", ["render", "everything"], "everything"),
-        ("renderingColorSpace", "lin_ap1_scene", "linear Rec. 709"),
-    ],
-)
-def test_values_that_cannot_be_fall_back(scene, capsys, attribute, value, words):
-    scene.settings.GetPrim().GetAttribute(attribute).Set(value)
-    assert scene.run("-w", 40, "--no-products") == 0
-    one(capsys, "/Render/settings", words)
-    np.testing.assert_array_equal(read_png(scene.path("own.png"))[..., 3] / 255.0, FULL)
-
-
-def test_attributes_of_other_types(scene, capsys):
-    file = scene.path("wrong.usda")
-    scene.var("depth")
-    scene.product("shot", "color", "depth", resolution=Gf.Vec2i(40, 40))
-    scene.stage.GetRootLayer().Export(str(file))
-    layer = Sdf.Layer.FindOrOpen(str(file))
-    for path, kind, value in (
-        ("/Render/settings.resolution", Sdf.ValueTypeNames.String, "large"),
-        ("/Render/settings.disableMotionBlur", Sdf.ValueTypeNames.String, "yes"),
-        ("/Render/Vars/depth.sourceName", Sdf.ValueTypeNames.Int, 3),
-    ):
-        spec = layer.GetPrimAtPath(Sdf.Path(path).GetPrimPath())
-        if path in (str(p.path) for p in spec.properties):
-            spec.RemoveProperty(layer.GetPropertyAtPath(path))
-        Sdf.AttributeSpec(spec, Sdf.Path(path).name, kind).default = value
-    layer.Save()
-    out = scene.path("own.png")
-    flags = ["-rs", "/Render/settings", "-w", "40"]
-    assert main(["record", str(file), str(out), *FAST, *flags]) == 0
-    lines = warnings(capsys)
-    assert len(lines) == 3, lines
-    for path, word in (
-        ("/Render/settings", "'large'"),
-        ("/Render/settings", "'yes'"),
-        ("/Render/Vars/depth", "sourceName is 3"),
-    ):
-        assert any(line.startswith(f"{path}: ") and word in line for line in lines), lines
-    assert "depth.Z" in exr_header(scene.path("shot.exr"))["channels"]
-
-
-def test_masks_that_leave_settings_out(scene, capsys):
-    scene.product("shot")
-    assert scene.run("--mask", "/quad,/main_cam") == 1
-    assert "--mask leaves it out" in capsys.readouterr().err
-    assert scene.run("--mask", "/quad,/main_cam,/Render/settings") == 0
-    one(capsys, "/Render/settings", "/Render/shot", "--mask leaves out")
-
-
-# Passes ------------------------------------------------------------------------------------------
-
-
-def test_passes_of_the_command(scene, capsys):
-    render_pass = UsdRender.Pass.Define(scene.stage, "/Render/pass")
-    render_pass.CreateRenderSourceRel().SetTargets(["/Render/settings"])
-    scene.product("shot")
-    prim = render_pass.GetPrim()
-    prim.GetRelationship("collection:matte:includes").SetTargets(["/quad"])
-    assert scene.run("-rp", "/Render/pass") == 0
-    assert warnings(capsys) == []
-    assert not alpha(scene.path("shot.exr")).any()
-    assert exr_header(scene.path("shot.exr"))["hdtrapeze/renderPass"] == "/Render/pass"
-
-
-@pytest.mark.parametrize(
-    ("change", "code", "words"),
-    [
-        (lambda p: p.GetRenderSourceRel().SetTargets([]), 1, "has no renderSource"),
-        (lambda p: p.GetRenderSourceRel().SetTargets(["/quad"]), 1, "not a RenderSettings"),
-        (lambda p: p.GetRenderSourceRel().SetTargets(["/nobody"]), 1, "not a RenderSettings"),
-        (lambda p: p.CreateFileNameAttr("shot.nk"), 1, "shot.nk"),
-        (
-            lambda p: p.GetRenderSourceRel().SetTargets(["/Render/settings", "/quad"]),
-            0,
-            "warning: /Render/pass: has several render sources; using /Render/settings",
-        ),
-        (
-            lambda p: p.GetRenderSourceRel().SetTargets(["/Render/pass.renderSource"]),
-            1,
-            "no renderSource",
-        ),
-    ],
-)
-def test_sources_of_passes(scene, capsys, change, code, words):
-    render_pass = UsdRender.Pass.Define(scene.stage, "/Render/pass")
-    render_pass.CreateRenderSourceRel().SetTargets(["/Render/settings"])
-    change(render_pass)
-    assert scene.run("-rp", "/Render/pass") == code
-    lines = capsys.readouterr().err.splitlines()
-    assert len(lines) == 1, lines
-    assert words in lines[0]
-
-
-def test_a_pass_for_another_renderer(scene, capsys):
-    render_pass = UsdRender.Pass.Define(scene.stage, "/Render/pass")
-    render_pass.CreateRenderSourceRel().SetTargets(["/Render/settings"])
-    api = UsdHydra.RenderPassAPI.Apply(render_pass.GetPrim())
-    api.CreateHydraRendererNameAttr("Storm")
-    assert scene.run("-rp", "/Render/pass") == 0
-    one(capsys, "/Render/pass", "Storm")
-    assert scene.run("-rp", "/Render/pass", "--renderer", "Trapeze") == 0
-    assert warnings(capsys) == []
-    api.GetHydraRendererNameAttr().Set("Trapeze")
-    assert scene.run("-rp", "/Render/pass") == 0
-    assert warnings(capsys) == []
-
-
-def test_partial_products_of_an_interrupted_render(scene, monkeypatch, capsys):
-    scene.product("shot")
-    original = hdtrapeze.render.Renderer.render
-
-    def interrupted(self, *args):
-        original(self, *args)
-        raise hdtrapeze.errors.Interrupted("Interrupted.")
-
-    monkeypatch.setattr(hdtrapeze.render.Renderer, "render", interrupted)
-    assert scene.run() == 130
-    assert {p.name for p in scene.folder.iterdir()} == {
-        *("scene1.usda", "own.partial.png", "shot.partial.exr")
-    }
-    assert exr_header(scene.path("shot.partial.exr"))["hdtrapeze/complete"] == "false"
-    assert "shot.partial.exr" in capsys.readouterr().err
 
 
 def test_a_still_product_before_a_blurred_one(scene):

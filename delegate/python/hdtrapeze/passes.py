@@ -44,10 +44,9 @@ class PassCollections:
 
     def shows(self, path: Sdf.Path, instancers: tuple = ()) -> bool:
         """Whether the prim's own geometry is visible."""
-        paths = list(instancers)
-        if not instancers or path.HasPrefix(instancers[-1]):
-            paths.append(path)
-        return all(query.IsPathIncluded(p) for query in self._shown for p in paths)
+        if instancers and not path.HasPrefix(instancers[-1]):
+            return True  # as the instancer, which was asked before
+        return all(query.IsPathIncluded(path) for query in self._shown)
 
     def is_matte(self, path: Sdf.Path, instancers: tuple = ()) -> bool:
         """Whether the prim's own geometry is a matte object."""
