@@ -157,7 +157,7 @@ def read_camera(
         path=str(camera.GetPath()),
         levels=transforms.levels(camera.GetPrim()),
         projection=_projection(camera, time, log),
-        **read_lens(camera, time, log),
+        **read_lens(camera, shutter.code(shutter.open), log),
         clipping=_clipping(camera, time, log),
         shutter=(shutter.open, shutter.close),
         aperture=read_aperture(camera, time, log),
