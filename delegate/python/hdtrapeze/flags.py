@@ -188,7 +188,11 @@ def _add_usdrecord_flags(group) -> None:
     add("--traceToFile", metavar="FILE", help="write how long each phase took")
     add("--traceFormat", choices=("chrome", "trace"), default="chrome", help="default: chrome")
     add("--memstats", action="store_true", help="print the memory that was used")
-    add("--abortOnError", action="store_true", help="stop at the first warning about the scene")
+    add(
+        "--abortOnError",
+        action="store_true",
+        help="stop at the first warning about the scene, and at a frame that fails",
+    )
 
 
 def _add_render_flags(group) -> None:
