@@ -551,21 +551,6 @@ def test_what_is_not_supported_is_named(stage, kind):
     one_warning(render(stage), "/other", "not supported yet")
 
 
-def test_blur_scale_is_named(stage):
-    quad = add_quad(stage)
-    UsdGeom.MotionAPI.Apply(quad.GetPrim()).CreateMotionBlurScaleAttr(0.5)
-    one_warning(render(stage, shutter=(0, 1)), "/quad", "blurScale")
-    assert render(stage).warnings == []
-
-
-def test_motion_samples_of_a_prim_are_named(stage):
-    motion = UsdGeom.MotionAPI.Apply(add_quad(stage).GetPrim())
-    motion.CreateNonlinearSampleCountAttr(5)
-    motion.CreateMotionBlurScaleAttr(0.5)
-    image = render(stage, shutter=(0, 1))
-    one_warning(image, "/quad", "nonlinearSampleCount", "blurScale 0.5", "not supported yet")
-
-
 def test_a_closed_renderer_says_so(stage):
     with Renderer(Options(width=8, height=8, samples=1)) as renderer:
         renderer.load(stage, 0.0)

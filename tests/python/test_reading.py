@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hdtrapeze import SceneError
+from hdtrapeze import Options, Renderer, SceneError
 from hdtrapeze.camera import (
     effective_shutter,
     find_camera,
@@ -193,3 +193,15 @@ def test_default_time_has_no_motion():
     camera = add_camera(stage, shutter__open=-0.5, shutter__close=0.5)
     shutter = effective_shutter(camera, None, None, False, SceneLog())
     assert not shutter.moves
+
+
+def test_double_sided_prims_are_sent_as_such():
+    stage = new_stage()
+    add_camera(stage)
+    quad = add_quad(stage)
+    with Renderer(Options(width=8, height=8, camera="/camera")) as renderer:
+        for value in (None, True, False):
+            if value is not None:
+                quad.CreateDoubleSidedAttr().Set(value)
+            renderer.load(stage, 0.0)
+            assert ("double sided" in renderer.session.dump()) == bool(value)

@@ -21,20 +21,20 @@ class Placement:
         self.count = count
         self.ids = ids
         self.times = times
-        self._samples = None
+        self._samples = {}
 
     def at(self, time: float) -> np.ndarray:
         """Matrices of all copies at `time`, (count, 4, 4)."""
         raise NotImplementedError
 
     def samples(self, shutter: Shutter) -> tuple[np.ndarray, np.ndarray]:
-        """Key times (n,) and matrices (n, count, 4, 4); computed once."""
-        if self._samples is None:
+        """Key times (n,) and matrices (n, count, 4, 4); computed once a shutter."""
+        if shutter not in self._samples:
             times = {shutter.open}
             if self.times:
                 times |= {shutter.close, *self.times}
-            self._samples = curve_keys(sorted(times), self.at)
-        return self._samples
+            self._samples[shutter] = curve_keys(sorted(times), self.at)
+        return self._samples[shutter]
 
 
 def _moving_times(levels: list[Level]) -> set[float]:

@@ -10,9 +10,8 @@ from pxr import Usd, UsdGeom
 
 from .guard import token
 from .log import SceneLog
-from .shutter import Shutter, bracketing_samples
-from .transforms import MAX_KEYS, TOLERANCE
-from .varying import changes_topology, points_at_frame, warn_still
+from .points import Points, read_points
+from .shutter import Shutter
 
 SCHEMES = {
     "catmullClark": "CATMULL_CLARK",
@@ -53,15 +52,6 @@ class Topology:
     crease_sharpnesses: np.ndarray = field(default_factory=lambda: _NO_FLOATS)
     corner_indices: np.ndarray = field(default_factory=lambda: _NO_INTS)
     corner_sharpnesses: np.ndarray = field(default_factory=lambda: _NO_FLOATS)
-    varies: bool = False
-
-
-@dataclass
-class Points:
-    """Object-space points at times relative to the frame."""
-
-    times: list[float]
-    arrays: list[np.ndarray]  # (n, 3) f32 each
     varies: bool = False
 
 
@@ -136,71 +126,3 @@ def read_topology(mesh: UsdGeom.Mesh, shutter: Shutter, log: SceneLog) -> Topolo
                 raise ValueError("not an array of numbers")
             setattr(topology, name, array)
     return topology
-
-
-def read_points(
-    mesh: UsdGeom.PointBased, shutter: Shutter, topology_varies: bool, log: SceneLog
-) -> Points:
-    """Points as authored around the shutter, or moved by their velocities where these are authored.
-
-    USD's rules: with velocities, the sample at or before the frame moves along them. Without, where
-    the topology changes, the points are those of the frame, with a warning that they do not move.
-    """
-    attribute = mesh.GetPointsAttr()
-    varies = attribute.ValueMightBeTimeVarying()
-    moved = _by_velocities(mesh, shutter)
-    if moved:
-        return moved
-    if shutter.moves:
-        samples = bracketing_samples(attribute, shutter)
-        if samples and not (topology_varies and changes_topology(mesh.GetPrim(), samples, shutter)):
-            arrays = [_array(attribute.Get(Usd.TimeCode(time))) for time in samples]
-            return Points([time - shutter.frame for time in samples], arrays, True)
-        if samples:
-            warn_still(mesh.GetPrim(), log)
-    if topology_varies:
-        return Points([shutter.open], [_array(points_at_frame(mesh.GetPrim(), shutter))], varies)
-    return Points([shutter.open], [_array(attribute.Get(shutter.code(shutter.open)))], varies)
-
-
-def _by_velocities(mesh: UsdGeom.PointBased, shutter: Shutter) -> Points | None:
-    velocities = mesh.GetVelocitiesAttr()
-    if shutter.frame is None or not velocities.HasAuthoredValue():
-        return None
-    value, points = velocities.Get(shutter.time), mesh.GetPointsAttr().Get(shutter.time)
-    if value is None or points is None or len(value) != len(points) or not len(points):
-        return None  # USD ignores velocities that do not fit
-    times = [shutter.open, shutter.close] if shutter.moves else [shutter.open]
-    if shutter.moves and mesh.GetAccelerationsAttr().HasAuthoredValue():
-        times = _acceleration_times(mesh, shutter, _array(points))
-    arrays = [_array(mesh.ComputePointsAtTime(shutter.code(time), shutter.time)) for time in times]
-    return Points(times, arrays, True)
-
-
-def _acceleration_times(
-    mesh: UsdGeom.PointBased, shutter: Shutter, points: np.ndarray
-) -> list[float]:
-    """Times between which points under acceleration stay within a tolerance of straight lines.
-
-    The chord of a parabola misses it by a dt^2 / 8. The tolerance is that of curved transforms,
-    relative to the size of the mesh or of its path.
-    """
-    accelerations = mesh.GetAccelerationsAttr().Get(shutter.time)
-    if accelerations is None or len(accelerations) != len(points):
-        return [shutter.open, shutter.close]
-    per_code = mesh.GetPrim().GetStage().GetTimeCodesPerSecond() ** -2
-    span = shutter.close - shutter.open
-    bend = np.linalg.norm(_array(accelerations), axis=1).max() * per_code * span**2 / 8.0
-    size = max(np.ptp(points, axis=0).max(), bend, 1e-30)
-    ratio = bend / (TOLERANCE * size)
-    count = int(np.clip(np.ceil(np.sqrt(ratio)), 1, MAX_KEYS - 1)) if np.isfinite(ratio) else 1
-    return list(np.linspace(shutter.open, shutter.close, count + 1))
-
-
-def _array(value) -> np.ndarray:
-    if value is None:
-        return np.zeros((0, 3), dtype=np.float32)
-    array = np.ascontiguousarray(value, dtype=np.float32)
-    if array.size and (array.ndim != 2 or array.shape[1] != 3):
-        raise ValueError("not an array of triples")
-    return array.reshape(-1, 3)

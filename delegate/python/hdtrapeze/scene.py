@@ -14,6 +14,7 @@ from pxr import Tf, Usd, UsdGeom, UsdLux, UsdShade, UsdSkel
 from .guard import FAULTS, warn_unreadable
 from .instances import InstancerReader, NativeInstances, Placement, PointInstances
 from .log import SceneLog
+from .motion import Motion, MotionReader, Timing
 from .passes import PassCollections
 from .primvars import WIDTHS, inherited_from, read_primvars
 from .session import Session
@@ -35,6 +36,8 @@ class _Sent:
     levels: list[Level] | None = None
     instances: tuple | None = None
     matte: bool = False
+    motion: Motion = field(default_factory=Motion)
+    double_sided: bool = False
 
 
 @dataclass(frozen=True)
@@ -88,6 +91,7 @@ class SceneSync:
             )
         self._shutter = shutter
         self._transforms = transforms
+        self._motion = MotionReader(shutter, transforms, self._log)
         self._skinning.begin_frame(shutter, transforms)
         self._seen: set[str] = set()
         self.has_hidden = False
@@ -151,8 +155,6 @@ class SceneSync:
         """Emits one imageable prim; True where its children are not to be visited."""
         if self._draw_modes and prim.HasAPI(UsdGeom.ModelAPI):
             self._check_draw_mode(prim)
-        if prim.HasAPI(UsdGeom.MotionAPI):
-            self._check_motion_api(prim)
         if prim.IsA(UsdGeom.PointInstancer):
             if purpose in self._purposes and self._shows(prim, place):
                 self._emit_instancer(UsdGeom.PointInstancer(prim), purpose, place)
@@ -174,7 +176,8 @@ class SceneSync:
             matte = self._is_matte(prim, place)
             skinned = self._skinning.of(prim)
             bound = skinned.shared_by(instance) if skinned else None
-            key = (prototype, inherited_from(UsdGeom.Gprim(prim)), matte, bound)
+            motion = self._motion.of(prim)
+            key = (prototype, inherited_from(UsdGeom.Gprim(prim)), matte, bound, motion)
             groups.setdefault(key, []).append((prim, instance))
         else:
             levels = self._levels(prim, place.top)
@@ -194,9 +197,15 @@ class SceneSync:
     def _levels(self, prim, top=None, below=None) -> list[Level]:
         """Levels of a gprim, which its skeleton may place."""
         skinned = self._skinning.of(prim)
+        timing = self._timing(prim)
         if skinned:
+            skinned.use(timing.shutter, timing.transforms)
             skinned.place()
-        return self._transforms.levels(prim, top, below)
+        return timing.transforms.levels(prim, top, below)
+
+    def _timing(self, prim: Usd.Prim) -> Timing:
+        """What the prim's own motion is read with."""
+        return self._motion.timing(self._motion.of(prim))
 
     def _leave_out(self, prim: Usd.Prim, error: Exception) -> None:
         warn_unreadable(self._log, prim.GetPath(), error, "not rendered")
@@ -209,7 +218,8 @@ class SceneSync:
             levels = self._levels(prim, place.top)
             self._emit(place.prefix + str(prim.GetPath()), prim, levels, place.placement, place)
             return
-        levels = [self._transforms.levels(inst, place.top) for _, inst in members]
+        transforms = self._timing(prim).transforms
+        levels = [transforms.levels(inst, place.top) for _, inst in members]
         placement = NativeInstances(levels, place.placement)
         own = self._levels(prim, below=instance)
         # Prototype paths may differ from one opening of a stage to the next, not within one.
@@ -247,21 +257,6 @@ class SceneSync:
                 prototype, purpose, _Place(placement, prototype, prefix, (*place.instancers, path))
             )
 
-    def _check_motion_api(self, prim) -> None:
-        if not self._shutter.moves:
-            return
-        motion = UsdGeom.MotionAPI(prim)
-        unused = []
-        scale = motion.ComputeMotionBlurScale(self._shutter.time)
-        if scale != 1.0:
-            unused.append(f"motion:blurScale {scale:g}")
-        if motion.GetNonlinearSampleCountAttr().HasAuthoredValue():
-            unused.append("motion:nonlinearSampleCount")
-        if unused:
-            verb = "are" if len(unused) > 1 else "is"
-            text = f"{' and '.join(unused)} {verb} not supported yet; it blurs as without"
-            self._log.warn(prim.GetPath(), "unsupported-motion", text)
-
     def _check_draw_mode(self, prim) -> None:
         model = UsdGeom.ModelAPI(prim)
         mode = model.ComputeModelDrawMode()
@@ -278,6 +273,7 @@ class SceneSync:
         try:
             self._send(key, prim, levels, placement)
             self._send_matte(key, self._is_matte(prim, place))
+            self._send_motion(key, self._motion.of(prim))
             if key in self._sent:
                 self._session.complete(self._sent[key].prim)
         except FAULTS as error:
@@ -291,9 +287,9 @@ class SceneSync:
             if sent is None:
                 return
         self._seen.add(key)
-        session = self._session
+        session, shutter = self._session, self._timing(prim).shutter
         if sent.primvars_vary:
-            primvars = read_primvars(UsdGeom.Gprim(prim), self._shutter, self._log)
+            primvars = read_primvars(UsdGeom.Gprim(prim), shutter, self._log)
             skinned = self._skinning.of(prim)
             if skinned:
                 skinned.turn_normals(primvars, sent.shape)
@@ -307,7 +303,7 @@ class SceneSync:
             sent.levels = levels
         instances = None
         if placement is not None:
-            instances = (*placement.samples(self._shutter), placement.ids)
+            instances = (*placement.samples(shutter), placement.ids)
         if not _same_arrays(sent.instances, instances):
             if instances is None:
                 session.clear_instances(sent.prim)
@@ -321,10 +317,16 @@ class SceneSync:
             self._session.set_matte(sent.prim, matte)
             sent.matte = matte
 
+    def _send_motion(self, key: str, motion: Motion) -> None:
+        sent = self._sent.get(key)
+        if sent and sent.motion != motion:
+            self._session.set_motion(sent.prim, motion)
+            sent.motion = motion
+
     def _send_shape(self, key: str, sent: _Sent | None, prim: Usd.Prim) -> _Sent | None:
         """Geometry; None for a prim that has none."""
         before = sent.shape if sent else None
-        shape = find_reader(prim)(prim, self._shutter, self._log, before)
+        shape = find_reader(prim)(prim, self._timing(prim).shutter, self._log, before)
         self._skinning.deform(prim, shape, before)
         if shape.is_empty:
             self.has_hidden = True  # nothing to say, nothing to draw
@@ -337,6 +339,10 @@ class SceneSync:
             self._session.set_pick_id(sent.prim, pick_id)
             self.prim_paths[pick_id] = str(prim.GetPath())
         shape.send(self._session, sent.prim, before)
+        double_sided = bool(UsdGeom.Gprim(prim).GetDoubleSidedAttr().Get())
+        if sent.double_sided != double_sided:
+            self._session.set_double_sided(sent.prim, double_sided)
+            sent.double_sided = double_sided
         sent.shape = shape
         sent.shape_varies = shape.varies
         return sent

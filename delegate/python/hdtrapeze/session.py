@@ -15,7 +15,9 @@ from .errors import SceneError
 from .implicit import Implicit
 from .lens import LENS_ATTRIBUTES
 from .log import SceneLog
-from .mesh import BOUNDARIES, FACE_VARYING, ORIENTATIONS, SCHEMES, TRIANGLES, Points, Topology
+from .mesh import BOUNDARIES, FACE_VARYING, ORIENTATIONS, SCHEMES, TRIANGLES, Topology
+from .motion import Motion
+from .points import Points, Samples
 from .primvars import INTERPOLATIONS, Primvar
 from .products import RenderVar
 from .transforms import Level
@@ -42,6 +44,14 @@ class _Arrays:
         pointer = ffi.from_buffer(ARRAY_TYPES[array.dtype], array)
         self._keep.append((array, pointer))
         return pointer
+
+    def samples(self, samples: Samples) -> tuple:
+        """Times, their number, arrays and the number of values of each, as C has them."""
+        times = self.pointer(np.asarray(samples.times, dtype=np.float64))
+        pointers = [self.pointer(array) for array in samples.arrays]
+        values = self.keep(ffi.new("float *[]", pointers))
+        counts = self.keep(ffi.new("size_t[]", [len(array) for array in samples.arrays]))
+        return times, len(samples.arrays), values, counts
 
     def keep(self, value):
         """Keeps a cffi allocation alive."""
@@ -159,11 +169,13 @@ class Session:
         """Sets the points of a mesh, of curves or spheres."""
         arrays = _Arrays()
         value = native.new("trz_points")
-        value.times = arrays.pointer(np.asarray(points.times, dtype=np.float64))
-        value.sample_count = len(points.arrays)
-        pointers = [arrays.pointer(array) for array in points.arrays]
-        value.points = arrays.keep(ffi.new("float *[]", pointers))
-        value.counts = arrays.keep(ffi.new("size_t[]", [len(array) for array in points.arrays]))
+        samples = Samples(points.times, points.arrays)
+        value.times, value.sample_count, value.points, value.counts = arrays.samples(samples)
+        for name in ("velocities", "accelerations"):
+            field = getattr(value, name)
+            samples = arrays.samples(getattr(points, name))
+            field.times, field.sample_count, field.values, field.counts = samples
+        value.time_codes_per_second = points.time_codes_per_second
         self._call("trz_prim_set_points", prim, value)
 
     def set_transform(self, prim: int, levels: list[Level]) -> None:
@@ -207,6 +219,15 @@ class Session:
     def clear_instances(self, prim: int) -> None:
         """Renders a prim once, where its transform says."""
         self._call("trz_prim_set_instances", prim, ffi.NULL)
+
+    def set_motion(self, prim: int, motion: Motion) -> None:
+        """How the motion of a prim is blurred."""
+        samples = min(motion.nonlinear_samples, 2**32 - 1)
+        self._call("trz_prim_set_motion", prim, motion.blur_scale, samples)
+
+    def set_double_sided(self, prim: int, double_sided: bool) -> None:
+        """Whether both sides of a prim's surface are outsides."""
+        self._call("trz_prim_set_double_sided", prim, int(double_sided))
 
     def set_matte(self, prim: int, matte: bool) -> None:
         """Makes a prim a matte object (a holdout), or a surface like any other."""

@@ -28,6 +28,10 @@ class Shutter:
         """Whether there is a time span at all."""
         return self.frame is not None and self.close > self.open
 
+    def scaled(self, scale: float) -> "Shutter":
+        """The same frame, with open and close `scale` times as far from it."""
+        return Shutter(self.frame, self.open * scale, self.close * scale)
+
     def code(self, time: float) -> Usd.TimeCode:
         """The USD time of a relative time."""
         return Usd.TimeCode.Default() if self.frame is None else Usd.TimeCode(self.frame + time)
@@ -66,3 +70,17 @@ def bracketing_samples(attribute: Usd.Attribute, shutter: Shutter) -> list[float
     high = bisect.bisect_right(samples, last[1])
     found = samples[low:high]
     return found if len(found) > 1 else None
+
+
+def samples_around(attribute: Usd.Attribute, shutter: Shutter) -> list[float]:
+    """Authored times around the frame and the shutter; none where there is no time sample.
+
+    From the last at or before both (or the first) to the first after both (or the last).
+    """
+    if shutter.frame is None:
+        return []
+    samples = attribute.GetTimeSamples()
+    start = shutter.frame + min(shutter.open, 0.0)
+    end = shutter.frame + max(shutter.close, 0.0)
+    first = max(bisect.bisect_right(samples, start) - 1, 0)
+    return samples[first : bisect.bisect_right(samples, end) + 1]

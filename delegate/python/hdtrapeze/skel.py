@@ -12,7 +12,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel, Vt
 
 from .guard import FAULTS, mistyped, warn_unreadable
 from .log import SceneLog
-from .mesh import Points
+from .points import Points
 from .primvars import Primvar
 from .shutter import Shutter
 from .skel_input import (
@@ -125,6 +125,11 @@ class Skinned:
         self._shutter = shutter
         self._transforms = transforms
         self._read = False
+
+    def use(self, shutter: Shutter, transforms: TransformReader) -> None:
+        """Evaluates over another shutter than the frame's, for a prim whose blur is scaled."""
+        if shutter is not self._shutter:
+            self.begin_frame(shutter, transforms)
 
     # What is read once a frame -------------------------------------------------------------------
 

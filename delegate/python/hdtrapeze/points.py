@@ -1,0 +1,116 @@
+"""Reads the points of any UsdGeomPointBased as raw samples, with velocities and accelerations.
+
+What comes of them is the renderer's to say: it joins samples by lines, or moves one of them on.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from pxr import Usd, UsdGeom
+
+from .guard import FAULTS, warn_unreadable
+from .log import SceneLog
+from .shutter import Shutter, bracketing_samples, samples_around
+from .varying import changes_topology, points_at_frame, warn_still
+
+
+@dataclass
+class Samples:
+    """Arrays at times relative to the frame."""
+
+    times: list[float] = field(default_factory=list)
+    arrays: list[np.ndarray] = field(default_factory=list)  # (n, 3) f32 each
+
+
+@dataclass
+class Points:
+    """Object-space points at times relative to the frame, and what moves them on."""
+
+    times: list[float]
+    arrays: list[np.ndarray]  # (n, 3) f32 each
+    varies: bool = False
+    velocities: Samples = field(default_factory=Samples)
+    accelerations: Samples = field(default_factory=Samples)
+    time_codes_per_second: float = 0.0
+
+
+def read_points(
+    mesh: UsdGeom.PointBased, shutter: Shutter, topology_varies: bool, log: SceneLog
+) -> Points:
+    """Points as authored around the shutter; with velocities, around the frame as well.
+
+    Where the topology changes, the points are those of the frame; where no velocities move them,
+    there is a warning.
+    """
+    moved = _with_velocities(mesh, shutter, topology_varies, log)
+    if moved:
+        return moved
+    attribute = mesh.GetPointsAttr()
+    varies = attribute.ValueMightBeTimeVarying()
+    if shutter.moves:
+        samples = bracketing_samples(attribute, shutter)
+        if samples and not (topology_varies and changes_topology(mesh.GetPrim(), samples, shutter)):
+            arrays = [_array(attribute.Get(Usd.TimeCode(time))) for time in samples]
+            return Points([time - shutter.frame for time in samples], arrays, True)
+        if samples:
+            warn_still(mesh.GetPrim(), log)
+    if topology_varies:
+        return Points([shutter.open], [_array(points_at_frame(mesh.GetPrim(), shutter))], varies)
+    return Points([shutter.open], [_array(attribute.Get(shutter.code(shutter.open)))], varies)
+
+
+def _with_velocities(
+    mesh: UsdGeom.PointBased, shutter: Shutter, topology_varies: bool, log: SceneLog
+) -> Points | None:
+    """Samples of points and rates; None where there are no velocities that could move them."""
+    prim, attribute, velocities = mesh.GetPrim(), mesh.GetPointsAttr(), mesh.GetVelocitiesAttr()
+    if shutter.frame is None or not velocities.HasAuthoredValue():
+        return None
+    try:
+        speeds = _rates(velocities, shutter)
+        bends = _rates(mesh.GetAccelerationsAttr(), shutter)
+    except FAULTS as error:
+        warn_unreadable(log, prim.GetPath(), error, "its velocities are ignored")
+        return None
+    times = samples_around(attribute, shutter)
+    if not times or not speeds.times:
+        if shutter.moves:
+            text = "its velocities are ignored: points or velocities have no time samples"
+            log.warn(prim.GetPath(), "velocities", text)
+        return None
+    if not any(array.size for array in speeds.arrays):
+        return None
+    base = _moving_sample(times, shutter)
+    held = prim.GetStage().GetInterpolationType() == Usd.InterpolationTypeHeld
+    if held or (topology_varies and changes_topology(prim, times, shutter)):
+        # Where velocities do not move it, the sample must not be joined with another.
+        arrays = [_array(attribute.Get(Usd.TimeCode(times[base])))] * len(times)
+    else:
+        arrays = [_array(attribute.Get(Usd.TimeCode(time))) for time in times]
+    per_second = prim.GetStage().GetTimeCodesPerSecond()
+    relative = [time - shutter.frame for time in times]
+    return Points(relative, arrays, True, speeds, bends, per_second)
+
+
+def _rates(attribute: Usd.Attribute, shutter: Shutter) -> Samples:
+    """Samples around the frame; only the one at or before it has values, for no other is used."""
+    times = samples_around(attribute, shutter)
+    arrays = [_array(None)] * len(times)
+    if times:
+        base = _moving_sample(times, shutter)
+        arrays[base] = _array(attribute.Get(Usd.TimeCode(times[base])))
+    return Samples([time - shutter.frame for time in times], arrays)
+
+
+def _moving_sample(times: list[float], shutter: Shutter) -> int:
+    """Number of the last of `times` at or before the frame, or of the first."""
+    return max((i for i, time in enumerate(times) if time <= shutter.frame), default=0)
+
+
+def _array(value) -> np.ndarray:
+    if value is None:
+        return np.zeros((0, 3), dtype=np.float32)
+    array = np.ascontiguousarray(value, dtype=np.float32)
+    if array.size and (array.ndim != 2 or array.shape[1] != 3):
+        raise ValueError("not an array of triples")
+    return array.reshape(-1, 3)
