@@ -3,7 +3,7 @@
 //! Data flow, in the order of the modules:
 //!
 //! `scene` (what hosts describe) -> `motion` (samples resolved to the shutter) -> `surface` (limit
-//! surfaces), `curve` -> `dice` (raster-space rates, watertight lattices) -> `grid` (diced micropolygons) ->
+//! surfaces), `curve`, `sphere` -> `dice` (raster-space rates, watertight lattices) -> `grid` (diced micropolygons) ->
 //! `bvh` (hyper-trapezoids) -> `trace` (rays with time) -> `shade` -> `film` -> `aov`.
 //!
 //! Knows nothing of USD, C++ or C types. After Hou, Qin, Li, Guo, Zhou, "Micropolygon Ray Tracing
@@ -25,6 +25,7 @@ pub mod render;
 pub mod sample;
 pub mod scene;
 pub mod shade;
+pub mod sphere;
 pub mod surface;
 pub mod trace;
 pub mod translate;

@@ -16,7 +16,7 @@ use crate::scene::{CurveBasis, CurveWrap};
 
 /// Basis and wrap: the rules that all curves of a prim follow.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct ShutterCurveKind {
+pub struct CurveKind {
     /// Basis.
     pub basis: CurveBasis,
     /// Wrap.
@@ -30,7 +30,7 @@ impl<T: Copy + Add<Output = T> + Sub<Output = T> + Mul<f64, Output = T>> Blend f
 /// Control values of one segment; a linear one uses the first two.
 pub type Control<T> = [T; 4];
 
-impl ShutterCurveKind {
+impl CurveKind {
     /// True where straight lines join the points.
     pub fn is_linear(self) -> bool {
         self.basis == CurveBasis::Linear
@@ -244,8 +244,8 @@ mod tests {
         CurveBasis::Hermite,
     ];
 
-    fn kind(basis: CurveBasis, wrap: CurveWrap) -> ShutterCurveKind {
-        ShutterCurveKind { basis, wrap }
+    fn kind(basis: CurveBasis, wrap: CurveWrap) -> CurveKind {
+        CurveKind { basis, wrap }
     }
 
     fn wiggle(i: usize) -> DVec3 {

@@ -41,13 +41,16 @@ mod base;
 mod budget;
 mod curve;
 mod edges;
+pub mod eye;
 mod face;
+pub mod fill;
 mod lattice;
 pub mod metric;
 mod patch;
 mod sampler;
 mod source;
 
+pub use eye::Eye;
 pub use metric::{RasterMetric, RasterView};
 
 use crate::grid::{DicedMesh, GridChannel};

@@ -4,7 +4,7 @@ use glam::Vec3;
 
 use super::points::{Bends, PointKeys, point_keys};
 use super::values::Counts;
-use crate::curve::ShutterCurveKind;
+use crate::curve::CurveKind;
 use crate::diagnostics::{Code, Warning};
 use crate::motion::Shutter;
 use crate::motion::rates::usable;
@@ -29,7 +29,7 @@ pub struct CurveSpan {
 #[derive(Clone, Debug)]
 pub struct CheckedCurves {
     /// Basis and wrap.
-    pub kind: ShutterCurveKind,
+    pub kind: CurveKind,
     /// Curves that can be rendered, in authored order.
     pub spans: Vec<CurveSpan>,
     /// How many values primvars have, over the authored curves.
@@ -56,7 +56,7 @@ pub fn check(
         warnings.push(Warning::new(path, Code::Topology, text));
         return None;
     }
-    let kind = ShutterCurveKind {
+    let kind = CurveKind {
         basis: curves.basis,
         wrap: curves.wrap,
     };

@@ -16,4 +16,5 @@ pub mod mesh;
 pub mod points;
 pub mod primvar;
 pub mod route;
+pub mod spheres;
 pub mod values;

@@ -9,7 +9,7 @@ use crate::scene::{Interpolation, PrimvarDesc};
 pub struct Counts {
     /// Elements: curves.
     pub uniform: usize,
-    /// Segment ends ([`crate::curve::ShutterCurveKind::varying_values`]), or points of spheres.
+    /// Segment ends ([`crate::curve::CurveKind::varying_values`]), or points of spheres.
     pub varying: usize,
     /// Points.
     pub vertex: usize,

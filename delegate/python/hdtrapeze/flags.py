@@ -6,6 +6,7 @@ import re
 import sys
 
 from . import errors
+from .curves import FORMS
 from .options import AOVS, BACKENDS, COMPRESSIONS, FILTERS
 
 COMPLEXITIES = {"low": 1.0, "medium": 0.7, "high": 0.5, "veryhigh": 0.25}
@@ -206,6 +207,7 @@ def _add_render_flags(group) -> None:
         metavar=("OPEN", "CLOSE"),
         help="in time codes relative to the frame, in place of the camera's",
     )
+    add("--curves", choices=tuple(FORMS), help="what curves without normals become (auto)")
     add("--no-motion-blur", action="store_true", help="everything as at the frame's own time")
     add("--no-defocus", action="store_true", help="a pinhole in place of the lens")
     add("--filter", choices=tuple(FILTERS), help="pixel filter (gaussian)")

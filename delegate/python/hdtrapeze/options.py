@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass, field
 
+from .curves import FORMS
 from .errors import SceneError, UsageError
 
 FILTERS = {
@@ -79,6 +80,8 @@ class Options:
     lens_point: tuple[float, float] | None = None
     """One point of the unit lens disk for every sample."""
     max_micropolygons: int | None = None
+    curves: str = "auto"
+    """A key of curves.FORMS: what curves without normals are rendered as."""
     compression: str = "zip"
     """Of EXR files."""
     pixel_type: str = "half"
@@ -123,6 +126,7 @@ class Options:
             require(value in known, f"The {what} must be one of {', '.join(known)}.")
         require(0 <= self.seed < 1 << 32, "The seed must be from 0 to 4294967295.")
         require(0 <= self.threads <= 4096, "Threads must be from 0 (all) to 4096.")
+        require(self.curves in FORMS, f"Curves must be one of {', '.join(FORMS)}.")
         require(bool(self.aovs), "At least one AOV must be asked for.")
         known = ("default", "proxy", "render", "guide")
         for purpose in self.purposes:

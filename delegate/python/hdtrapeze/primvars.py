@@ -1,4 +1,4 @@
-"""Primvars that are shaded with: displayColor, displayOpacity, normals; inherited and indexed."""
+"""Primvars that are shaded with or give shape: displayColor, displayOpacity, normals, widths."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from pxr import UsdGeom
 from .log import SceneLog
 from .shutter import Shutter
 
-WIDTHS = {"displayColor": 3, "displayOpacity": 1, "normals": 3}
+WIDTHS = {"displayColor": 3, "displayOpacity": 1, "normals": 3, "widths": 1}
 
 INTERPOLATIONS = {
     "constant": "CONSTANT",
@@ -48,21 +48,24 @@ def read_primvars(mesh: UsdGeom.Gprim, shutter: Shutter, log: SceneLog) -> dict[
             )
             if read:
                 found[name] = read
-    normals = UsdGeom.PointBased(mesh)
-    if "normals" not in found and normals and normals.GetNormalsAttr().HasAuthoredValue():
-        attribute = normals.GetNormalsAttr()
-        read = _make(
-            mesh,
-            "normals",
-            attribute.Get(shutter.time),
-            normals.GetNormalsInterpolation(),
-            None,
-            attribute.ValueMightBeTimeVarying(),
-            log,
-        )
-        if read:
-            found["normals"] = read
+    for name, attribute, interpolation in _attributes(mesh):
+        if name not in found and attribute.HasAuthoredValue():
+            value, varies = attribute.Get(shutter.time), attribute.ValueMightBeTimeVarying()
+            read = _make(mesh, name, value, interpolation, None, varies, log)
+            if read:
+                found[name] = read
     return found
+
+
+def _attributes(mesh: UsdGeom.Gprim):
+    """Name, attribute and interpolation of what schemas have beside primvars; primvars win."""
+    points = UsdGeom.PointBased(mesh)
+    if points:
+        yield "normals", points.GetNormalsAttr(), points.GetNormalsInterpolation()
+    for schema in (UsdGeom.Curves, UsdGeom.Points):
+        wide = schema(mesh)
+        if wide:
+            yield "widths", wide.GetWidthsAttr(), wide.GetWidthsInterpolation()
 
 
 def inherited_from(mesh: UsdGeom.Gprim) -> tuple[str, ...]:

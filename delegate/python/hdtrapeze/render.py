@@ -7,6 +7,7 @@ from pxr import Usd, UsdGeom, UsdRender
 
 from . import native
 from .camera import CameraState, effective_shutter, find_camera, framing_camera, read_camera
+from .curves import FORMS
 from .errors import Interrupted, SceneError
 from .log import SceneLog
 from .options import BACKENDS, FILTERS, WINDOW_POLICIES, Options
@@ -124,6 +125,7 @@ class Renderer:
             "time_window": options.time_window,
             "fix_lens": options.lens_point is not None,
             "lens_point": options.lens_point or (0.0, 0.0),
+            "curves": getattr(constants, f"TRZ_CURVES_{FORMS[options.curves]}"),
             "backend": getattr(constants, f"TRZ_BACKEND_{BACKENDS[options.backend]}"),
         }
         if options.max_micropolygons is not None:

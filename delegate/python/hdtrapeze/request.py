@@ -105,6 +105,7 @@ def flag_values(args) -> dict:
         "camera": args.camera,
         "samples": args.samples,
         "shading_rate": args.shading_rate,
+        "curves": args.curves,
         "shutter": tuple(args.shutter) if args.shutter else None,
         "filter": args.filter,
         "filter_width": args.filter_width,

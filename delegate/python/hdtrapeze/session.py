@@ -11,6 +11,7 @@ import numpy as np
 
 from . import native
 from .camera import CameraState
+from .curves import CurveTopology
 from .errors import SceneError
 from .implicit import Implicit
 from .lens import LENS_ATTRIBUTES
@@ -164,6 +165,17 @@ class Session:
         value.sizes = arrays.pointer(implicit.sizes)
         value.sample_count = len(implicit.times)
         self._call("trz_implicit_set", prim, value)
+
+    def set_curves(self, prim: int, topology: CurveTopology) -> None:
+        """Sets basis, wrap and counts of curves, as authored."""
+        arrays = _Arrays()
+        value = native.new("trz_curves")
+        value.basis = self._value("BASIS", topology.basis)
+        value.wrap = self._value("WRAP", topology.wrap)
+        value.form = self._value("CURVES", topology.form)
+        value.vertex_counts = arrays.pointer(topology.vertex_counts)
+        value.curve_count = topology.vertex_counts.size
+        self._call("trz_curves_set", prim, value)
 
     def set_points(self, prim: int, points: Points) -> None:
         """Sets the points of a mesh, of curves or spheres."""

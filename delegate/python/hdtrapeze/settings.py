@@ -93,6 +93,7 @@ EFFECTS = {
 TRAPEZE = {
     "samples": ("samples", _integer),
     "shadingRate": ("shading_rate", _number),
+    "curves": ("curves", _word),
     "filter": ("filter", _word),
     "filterWidth": ("filter_width", _number),
     "seed": ("seed", _integer),

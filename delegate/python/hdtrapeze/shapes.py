@@ -9,8 +9,10 @@ from typing import Protocol
 
 from pxr import Usd, UsdGeom
 
+from .curves import read_curves
 from .implicit import KINDS, read_implicit
 from .mesh import read_mesh
+from .spheres import read_spheres
 
 
 class Shape(Protocol):
@@ -36,6 +38,8 @@ Reader = Callable[..., Shape]
 READERS: list[tuple[type, Reader]] = [
     (UsdGeom.Mesh, read_mesh),
     *((schema, read_implicit) for schema in KINDS),
+    (UsdGeom.BasisCurves, read_curves),
+    (UsdGeom.Points, read_spheres),
 ]
 
 

@@ -3,13 +3,14 @@
 //! [`make`] checks a prim's description and answers a [`Shape`], or nothing where nothing is left to
 //! render (with warnings that say why). A shape is diced once for every [`Target`] it is placed at.
 
+mod curves;
 mod grids;
 mod implicit;
 mod mesh;
+mod spheres;
 mod surface;
 
 use super::objects::{Context, PrimObjects};
-use crate::diagnostics::Code;
 use crate::dice::RasterMetric;
 use crate::grid::DicedMesh;
 use crate::motion::PointPath;
@@ -24,7 +25,6 @@ pub(super) struct Target<'a> {
     pub metric: &'a RasterMetric,
     /// Diced in object space and shared by many instances: nothing may depend on where the camera
     /// is. Otherwise the space is the world's, relative to the path's origin.
-    #[allow(dead_code)] // for shapes that face the camera
     pub instanced: bool,
 }
 
@@ -58,10 +58,7 @@ pub(super) fn make(
         Geometry::Mesh(desc) => mesh::make(prim, desc, context, out),
         Geometry::Grids(desc) => grids::make(prim, desc, context, out),
         Geometry::Implicit(desc) => implicit::make(prim, desc, context, out),
-        Geometry::Curves(_) | Geometry::Spheres(_) => {
-            let text = "this kind of prim is not supported yet; it is not rendered";
-            out.warn(&prim.common.path, Code::Unsupported, text);
-            None
-        }
+        Geometry::Curves(desc) => curves::make(prim, desc, context, out),
+        Geometry::Spheres(desc) => spheres::make(prim, desc, context, out),
     }
 }
