@@ -95,34 +95,43 @@ def read_mesh(prim: Usd.Prim, shutter: Shutter, log: SceneLog, before: Mesh | No
     return Mesh(topology, points)
 
 
-def read_topology(mesh: UsdGeom.Mesh, shutter: Shutter, log: SceneLog) -> Topology:
-    """Topology at the frame."""
+ARRAYS = {
+    "face_vertex_counts": ("faceVertexCounts", np.int32),
+    "face_vertex_indices": ("faceVertexIndices", np.int32),
+    "holes": ("holeIndices", np.int32),
+    "crease_indices": ("creaseIndices", np.int32),
+    "crease_lengths": ("creaseLengths", np.int32),
+    "crease_sharpnesses": ("creaseSharpnesses", np.float32),
+    "corner_indices": ("cornerIndices", np.int32),
+    "corner_sharpnesses": ("cornerSharpnesses", np.float32),
+}
+TOKENS = {
+    "scheme": ("subdivisionScheme", SCHEMES),
+    "boundary": ("interpolateBoundary", BOUNDARIES),
+    "face_varying": ("faceVaryingLinearInterpolation", FACE_VARYING),
+    "triangles": ("triangleSubdivisionRule", TRIANGLES),
+    "orientation": ("orientation", ORIENTATIONS),
+}
+"""USD's names of a topology's fields, and the values they may have."""
 
-    arrays = {
-        "face_vertex_counts": (mesh.GetFaceVertexCountsAttr(), np.int32),
-        "face_vertex_indices": (mesh.GetFaceVertexIndicesAttr(), np.int32),
-        "holes": (mesh.GetHoleIndicesAttr(), np.int32),
-        "crease_indices": (mesh.GetCreaseIndicesAttr(), np.int32),
-        "crease_lengths": (mesh.GetCreaseLengthsAttr(), np.int32),
-        "crease_sharpnesses": (mesh.GetCreaseSharpnessesAttr(), np.float32),
-        "corner_indices": (mesh.GetCornerIndicesAttr(), np.int32),
-        "corner_sharpnesses": (mesh.GetCornerSharpnessesAttr(), np.float32),
-    }
-    topology = Topology(
-        scheme=token(mesh.GetSubdivisionSchemeAttr(), SCHEMES, shutter.time, log),
-        boundary=token(mesh.GetInterpolateBoundaryAttr(), BOUNDARIES, shutter.time, log),
-        face_varying=token(
-            mesh.GetFaceVaryingLinearInterpolationAttr(), FACE_VARYING, shutter.time, log
-        ),
-        triangles=token(mesh.GetTriangleSubdivisionRuleAttr(), TRIANGLES, shutter.time, log),
-        orientation=token(mesh.GetOrientationAttr(), ORIENTATIONS, shutter.time, log),
-        varies=any(attribute.ValueMightBeTimeVarying() for attribute, _ in arrays.values()),
-    )
-    for name, (attribute, dtype) in arrays.items():
+
+def read_topology(mesh: UsdGeom.Mesh, shutter: Shutter, log: SceneLog) -> Topology:
+    """Topology at the frame. Only what is authored is read: most meshes author little."""
+    prim = mesh.GetPrim()
+    authored = set(prim.GetAuthoredPropertyNames())
+    topology = Topology(scheme="catmullClark")
+    for field_name, (name, known) in TOKENS.items():
+        if name in authored:
+            setattr(topology, field_name, token(prim.GetAttribute(name), known, shutter.time, log))
+    for field_name, (name, dtype) in ARRAYS.items():
+        if name not in authored:
+            continue
+        attribute = prim.GetAttribute(name)
+        topology.varies |= attribute.ValueMightBeTimeVarying()
         value = attribute.Get(shutter.time)
         if value is not None:
             array = np.ascontiguousarray(value, dtype=dtype)
             if array.ndim != 1:
                 raise ValueError("not an array of numbers")
-            setattr(topology, name, array)
+            setattr(topology, field_name, array)
     return topology

@@ -343,7 +343,9 @@ class SceneSync:
         if sent.double_sided != double_sided:
             self._session.set_double_sided(sent.prim, double_sided)
             sent.double_sided = double_sided
-        sent.shape = shape
+        # What is never read again need not be kept.
+        keep = shape.varies or self._skinning.of(prim)
+        sent.shape = shape if keep else None
         sent.shape_varies = shape.varies
         return sent
 
