@@ -387,6 +387,20 @@ def test_a_skinned_arm_blurs_as_the_mean_over_time():
     assert not same, f"another angle went unseen: {figures}"
 
 
+def test_blur_scale_is_a_scaled_shutter():
+    def arm(scale, shutter):
+        stage = new_stage()
+        add_camera(stage)
+        add_arm(stage, angles={-2: (-40, -120), 2: (40, 120)}, half=0.4)
+        if scale is not None:
+            api = UsdGeom.MotionAPI.Apply(stage.GetPrimAtPath("/arm"))
+            api.CreateMotionBlurScaleAttr(scale)
+        return render(stage, shutter=shutter, samples=16)["color"]
+
+    np.testing.assert_array_equal(arm(0.5, (-0.5, 0.5)), arm(None, (-0.25, 0.25)))
+    assert np.abs(arm(0.5, (-0.5, 0.5)) - arm(None, (-0.5, 0.5))).max() > 0.05
+
+
 def test_a_rigid_cube_goes_with_its_joint():
     stage = new_stage()
     add_camera(stage)
