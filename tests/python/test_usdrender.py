@@ -258,6 +258,9 @@ def test_a_data_window_without_a_pixel(scene, capsys):
     assert scene.run() == 0
     one(capsys, "/Render/shot", "holds no pixel", "Not written")
     assert alpha(scene.path("good.exr")).any()
+    scene.product("shot", dataWindowNDC=Gf.Vec4f(0, 0, 99, 99), resolution=Gf.Vec2i(2048, 40))
+    assert scene.run() == 0
+    one(capsys, "/Render/shot", "65536")
     scene.settings.CreateDataWindowNDCAttr(Gf.Vec4f(0.501, 0.0, 0.502, 1.0))
     assert scene.run("--no-products") == 1
     assert "data window holds no pixel" in capsys.readouterr().err

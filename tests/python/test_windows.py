@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hdtrapeze import Options, Renderer, UsageError
+from hdtrapeze import Options, Renderer, SceneError, UsageError
 from hdtrapeze.cli import main
 from images import exr_header, read_exr, read_png
 from pxr import Gf, UsdGeom
@@ -130,10 +130,12 @@ def test_windows_that_cannot_be(settings, words):
 
 
 def test_windows_without_pixels_or_of_too_many():
-    with pytest.raises(UsageError, match="holds no pixel"):
+    with pytest.raises(SceneError, match="holds no pixel"):
         Options(data_window_ndc=(0.501, 0, 0.502, 1)).data_window(40, 40)
     with pytest.raises(UsageError, match="65536"):
         Options(overscan=30000).data_window(40, 6000)
+    with pytest.raises(SceneError, match="65536"):
+        Options(data_window_ndc=(0, 0, 100, 1)).data_window(2048, 1080)
 
 
 @pytest.fixture

@@ -166,7 +166,10 @@ class Options:
         return aspect * height / width
 
     def data_window(self, width: int, height: int) -> tuple[int, int, int, int]:
-        """Pixels to render, x0, y0, x1, y1, half open, y down; all zero for the whole image."""
+        """Pixels to render, x0, y0, x1, y1, half open, y down; all zero for the whole image.
+
+        Raises UsageError or, for a data window, SceneError where there is none, or too many.
+        """
         if self.crop is not None:
             window = self._crop_pixels(width, height)
         elif self.overscan:
@@ -187,13 +190,13 @@ class Options:
         else:
             return 0, 0, 0, 0
         x0, y0, x1, y1 = window
+        # A data window is the scene's, the others are the command's.
+        fault = UsageError if self.crop is not None or self.overscan else SceneError
         if x0 >= x1 or y0 >= y1:
-            where = f"holds no pixel of an image of {width} x {height}."
-            if self.crop is None:
-                raise SceneError(f"The data window {where}")
-            raise UsageError(f"The crop {where}")
+            kind = "crop" if self.crop is not None else "data window"
+            raise fault(f"The {kind} holds no pixel of an image of {width} x {height}.")
         if max(x1, width) - min(x0, 0) > 1 << 16 or max(y1, height) - min(y0, 0) > 1 << 16:
-            raise UsageError("The image and its overscan span more than 65536 pixels.")
+            raise fault("The image and its overscan span more than 65536 pixels.")
         return window
 
     def _crop_pixels(self, width: int, height: int) -> tuple[int, int, int, int]:
