@@ -21,6 +21,7 @@ pub mod effects;
 pub mod film;
 pub mod grid;
 pub mod motion;
+pub mod nurbs;
 pub mod render;
 pub mod sample;
 pub mod scene;

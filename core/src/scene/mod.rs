@@ -18,7 +18,7 @@ pub use camera::{
 };
 pub use geometry::{
     Axis, CurveBasis, CurveForm, CurveWrap, CurvesDesc, Geometry, GridsDesc, ImplicitDesc,
-    ImplicitKind, MeshDesc, PointsSamples, Rates, Samples, SpheresDesc,
+    ImplicitKind, MeshDesc, NurbsPatchDesc, PointsSamples, Rates, Samples, SpheresDesc,
 };
 pub use prim::{InstancesDesc, Interpolation, PrimCommon, PrimDesc, PrimvarDesc, TransformSamples};
 pub use settings::{FilterKind, RenderSettings, WindowPolicy};
