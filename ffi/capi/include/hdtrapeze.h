@@ -17,9 +17,9 @@
  * row vectors. Enum-like fields are uint32_t and take the constants of the group that they name;
  * flags are 0 or 1.
  *
- * Edits (trz_mesh_*, trz_grids_*, trz_implicit_*, trz_nurbs_patch_*, trz_camera_*, trz_prim_*, trz_session_set_*) are
- * queued from any thread and take effect together, in their order, at the next trz_session_commit
- * or trz_render_start.
+ * Edits (trz_mesh_*, trz_grids_*, trz_implicit_*, trz_nurbs_patch_*, trz_camera_*, trz_prim_*,
+ * trz_session_set_*) are queued from any thread and take effect together, in their order, at the
+ * next trz_session_commit or trz_render_start.
  *
  * A defect of the library is TRZ_ERROR_INTERNAL and poisons the session: later calls return
  * TRZ_ERROR_POISONED, trz_session_destroy still works.
