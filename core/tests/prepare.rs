@@ -11,11 +11,13 @@ use hdtrapeze_core::effects::TimePlan;
 use hdtrapeze_core::render::{Preparation, PrepareError, Prepared, prepare};
 use hdtrapeze_core::scene::Geometry;
 use hdtrapeze_core::scene::{
-    CameraDesc, InstancesDesc, MeshDesc, PointsSamples, PrimCommon, PrimDesc, PrimId, Scene,
-    TransformSamples,
+    CameraDesc, InstanceArrays, InstancerDesc, MeshDesc, PointsSamples, PrimCommon, PrimDesc,
+    PrimId, Samples, Scene, TransformSamples,
 };
 use hdtrapeze_core::surface::{MeshTopology, Scheme};
 use support::NoSubdivision;
+
+const INSTANCER: PrimId = PrimId(50);
 
 fn quad(path: &str, place: DVec3) -> PrimDesc {
     let topology = MeshTopology {
@@ -167,20 +169,27 @@ fn singular_instances_are_flattened_and_the_rest_is_shared() {
     let mut prim = quad("/q", DVec3::ZERO);
     let shift = |x: f64| DMat4::from_translation(DVec3::new(x, 0.0, 0.0));
     let through_zero = |s: f64| shift(4.0) * DMat4::from_scale(DVec3::splat(s));
-    prim.common.instances = Some(Arc::new(InstancesDesc {
-        times: vec![0.0, 1.0],
-        matrices: vec![
-            shift(0.0),
-            shift(-4.0),
-            through_zero(1.0),
-            shift(1.0),
-            shift(-4.0),
-            through_zero(-1.0),
-        ],
-        instance_count: 3,
-        ids: vec![10, 11, 12],
-    }));
-    let out = commit(&scene(vec![prim]), None);
+    prim.common.instancer = Some((INSTANCER, 0));
+    let mut scene = scene(vec![prim]);
+    let matrices = vec![
+        vec![shift(0.0), shift(-4.0), through_zero(1.0)],
+        vec![shift(1.0), shift(-4.0), through_zero(-1.0)],
+    ];
+    scene.instancers.insert(
+        INSTANCER,
+        Arc::new(InstancerDesc {
+            arrays: Arc::new(InstanceArrays {
+                instance_count: 3,
+                matrices: Samples {
+                    times: vec![0.0, 1.0],
+                    values: matrices.into_iter().map(Arc::new).collect(),
+                },
+                ..InstanceArrays::default()
+            }),
+            ..InstancerDesc::new("/instancer")
+        }),
+    );
+    let out = commit(&scene, None);
     assert!(out.warnings.is_empty(), "{:?}", out.warnings);
     let s = out.prepared.statistics();
     assert_eq!((s.instances, s.objects), (3, 2));

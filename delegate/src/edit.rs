@@ -7,9 +7,9 @@ use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
 use hdtrapeze_core::scene::{
-    CameraDesc, CurvesDesc, Geometry, GridsDesc, ImplicitDesc, InstancesDesc, MeshDesc,
-    NurbsPatchDesc, PointsSamples, PrimCommon, PrimDesc, PrimId, PrimvarDesc, RenderSettings,
-    Scene, SpheresDesc, TransformSamples,
+    CameraDesc, CurvesDesc, Geometry, GridsDesc, ImplicitDesc, InstanceArrays, InstancerDesc,
+    MeshDesc, PointsSamples, PrimCommon, PrimDesc, PrimId, PrimvarDesc, PrototypeOf,
+    RenderSettings, Scene, SpheresDesc, TransformSamples,
 };
 use hdtrapeze_core::surface::MeshTopology;
 
@@ -24,12 +24,12 @@ pub enum Kind {
     Grids,
     /// A cube, sphere and so on.
     Implicit,
-    /// A NURBS patch.
-    NurbsPatch,
     /// Curves.
     Curves,
     /// Spheres.
     Spheres,
+    /// An instancer.
+    Instancer,
     /// A camera.
     Camera,
 }
@@ -39,12 +39,10 @@ pub enum Kind {
 pub enum Edit {
     /// A mesh's topology.
     Topology(Arc<MeshTopology>),
-    /// Points of a mesh, NURBS patch, of curves or spheres.
+    /// Points of a mesh, of curves or spheres.
     Points(PointsSamples),
     /// A cube, sphere and so on.
     Implicit(ImplicitDesc),
-    /// Orders, knots, weights of a NURBS patch; its points stay.
-    NurbsPatch(NurbsPatchDesc),
     /// Basis, wrap and counts of curves; their points stay.
     Curves(CurvesDesc),
     /// The grids of a grids prim.
@@ -55,8 +53,10 @@ pub enum Edit {
     Transform(Vec<TransformSamples>),
     /// A primvar, or its removal.
     Primvar(String, Option<PrimvarDesc>),
-    /// Instances, or none: the prim appears once.
-    Instances(Option<InstancesDesc>),
+    /// The arrays of an instancer.
+    Instances(Arc<InstanceArrays>),
+    /// The prototype that a prim or instancer is part of, or none: it stands by itself.
+    PartOf(Option<PrototypeOf>),
     /// Visible to the camera.
     Visible(bool),
     /// A holdout.
@@ -76,22 +76,16 @@ impl Edit {
     fn fits(&self, kind: Kind) -> bool {
         match self {
             Edit::Topology(_) => kind == Kind::Mesh,
-            Edit::Points(_) => matches!(
-                kind,
-                Kind::Mesh | Kind::NurbsPatch | Kind::Curves | Kind::Spheres
-            ),
+            Edit::Points(_) => matches!(kind, Kind::Mesh | Kind::Curves | Kind::Spheres),
             Edit::Grids(_) => kind == Kind::Grids,
             Edit::Implicit(_) => kind == Kind::Implicit,
-            Edit::NurbsPatch(_) => kind == Kind::NurbsPatch,
             Edit::Curves(_) => kind == Kind::Curves,
             Edit::Camera(_) => kind == Kind::Camera,
-            Edit::Primvar(..)
-            | Edit::Instances(_)
-            | Edit::Visible(_)
-            | Edit::Matte(_)
-            | Edit::PickId(_)
-            | Edit::Motion(..)
-            | Edit::DoubleSided(_) => kind != Kind::Camera,
+            Edit::Instances(_) => kind == Kind::Instancer,
+            Edit::Primvar(..) | Edit::Matte(_) | Edit::PickId(_) | Edit::DoubleSided(_) => {
+                !matches!(kind, Kind::Camera | Kind::Instancer)
+            }
+            Edit::PartOf(_) | Edit::Visible(_) | Edit::Motion(..) => kind != Kind::Camera,
             Edit::Transform(_) | Edit::Remove => true,
         }
     }
@@ -124,7 +118,7 @@ pub(crate) struct EditQueue {
 }
 
 impl EditQueue {
-    /// Kind and path of a prim; not found where it never was or is removed.
+    /// Kind and path of a prim, instancer or camera; not found where it never was or is removed.
     pub fn find(&self, id: PrimId) -> Result<(Kind, Arc<str>), Error> {
         let found = self.known.get(&id).cloned();
         found.ok_or_else(|| Error::NotFound(format!("no prim or camera has id {}", id.0)))
@@ -148,6 +142,15 @@ impl EditQueue {
                 "{path} (id {}) is of kind {kind:?} and cannot be edited so",
                 id.0
             )));
+        }
+        if let Edit::PartOf(Some((instancer, _))) = edit {
+            let (kind, path) = self.find(instancer)?;
+            if kind != Kind::Instancer {
+                return Err(Error::InvalidArgument(format!(
+                    "{path} (id {}) is not an instancer",
+                    instancer.0
+                )));
+            }
         }
         if matches!(edit, Edit::Remove) {
             self.known.remove(&id);
@@ -199,6 +202,7 @@ impl EditQueue {
     pub fn view(&self) -> Scene {
         let mut scene = Scene {
             prims: BTreeMap::new(),
+            instancers: BTreeMap::new(),
             ..self.base.clone()
         };
         let is_camera = |id: &PrimId| self.known.get(id).is_some_and(|k| k.0 == Kind::Camera);
@@ -218,7 +222,7 @@ impl EditQueue {
     /// where edits of others came between them.
     pub fn complete(&mut self, id: PrimId) -> Result<Option<Arc<PrimDesc>>, Error> {
         let (kind, path) = self.find(id)?;
-        if kind == Kind::Camera {
+        if matches!(kind, Kind::Camera | Kind::Instancer) {
             return Ok(None);
         }
         let is_own = |change: &Change| match change {
@@ -259,6 +263,7 @@ impl EditQueue {
 /// Applies changes in order; true where the scene is another one afterwards.
 pub(crate) fn apply(scene: &mut Scene, changes: Vec<Change>) -> bool {
     let mut prims = Working::new(&mut scene.prims);
+    let mut instancers = Working::new(&mut scene.instancers);
     let mut cameras = Working::new(&mut scene.cameras);
     let mut settings = RenderSettings::clone(&scene.settings);
     let mut active = scene.active_camera;
@@ -271,6 +276,9 @@ pub(crate) fn apply(scene: &mut Scene, changes: Vec<Change>) -> bool {
                 };
                 cameras.insert(id, camera);
             }
+            Change::Create(id, Kind::Instancer, path) => {
+                instancers.insert(id, InstancerDesc::new(&*path));
+            }
             Change::Create(id, kind, path) => {
                 let prim = new_prim(kind, &path);
                 prims.insert(id, prim);
@@ -278,12 +286,15 @@ pub(crate) fn apply(scene: &mut Scene, changes: Vec<Change>) -> bool {
             Change::Complete(id, prim) => prims.set(id, prim),
             Change::Edit(id, Edit::Remove) => {
                 prims.remove(id);
+                instancers.remove(id);
                 cameras.remove(id);
                 active = active.filter(|camera| *camera != id);
             }
             Change::Edit(id, edit) => {
                 if let Some(prim) = prims.get(id) {
                     edit_prim(prim, edit);
+                } else if let Some(instancer) = instancers.get(id) {
+                    edit_instancer(instancer, edit);
                 } else if let Some(camera) = cameras.get(id) {
                     edit_camera(camera, edit);
                 }
@@ -297,6 +308,7 @@ pub(crate) fn apply(scene: &mut Scene, changes: Vec<Change>) -> bool {
         }
     }
     let mut differs = prims.finish();
+    differs |= instancers.finish();
     differs |= cameras.finish();
     if settings != *scene.settings {
         scene.settings = Arc::new(settings);
@@ -315,10 +327,9 @@ fn new_prim(kind: Kind, path: &str) -> PrimDesc {
         geometry: match kind {
             Kind::Grids => Geometry::Grids(GridsDesc::default()),
             Kind::Implicit => Geometry::Implicit(ImplicitDesc::default()),
-            Kind::NurbsPatch => Geometry::NurbsPatch(NurbsPatchDesc::default()),
             Kind::Curves => Geometry::Curves(CurvesDesc::default()),
             Kind::Spheres => Geometry::Spheres(SpheresDesc::default()),
-            Kind::Mesh | Kind::Camera => Geometry::Mesh(MeshDesc::default()),
+            Kind::Mesh | Kind::Instancer | Kind::Camera => Geometry::Mesh(MeshDesc::default()),
         },
     }
 }
@@ -333,10 +344,6 @@ fn edit_prim(prim: &mut PrimDesc, edit: Edit) {
             }
         }
         (Edit::Implicit(new), Geometry::Implicit(implicit)) => *implicit = new,
-        (Edit::NurbsPatch(new), Geometry::NurbsPatch(patch)) => {
-            let points = std::mem::take(&mut patch.points);
-            *patch = NurbsPatchDesc { points, ..new };
-        }
         (Edit::Curves(new), Geometry::Curves(curves)) => {
             let points = std::mem::take(&mut curves.points);
             *curves = CurvesDesc { points, ..new };
@@ -349,7 +356,7 @@ fn edit_prim(prim: &mut PrimDesc, edit: Edit) {
         (Edit::Primvar(name, None), _) => {
             common.primvars.remove(&name);
         }
-        (Edit::Instances(instances), _) => common.instances = instances.map(Arc::new),
+        (Edit::PartOf(part), _) => common.instancer = part,
         (Edit::Visible(visible), _) => common.visible = visible,
         (Edit::Matte(matte), _) => common.matte = matte,
         (Edit::PickId(id), _) => common.pick_id = id,
@@ -359,6 +366,20 @@ fn edit_prim(prim: &mut PrimDesc, edit: Edit) {
         }
         (Edit::DoubleSided(on), _) => common.double_sided = on,
         // The queue has checked that the edit fits the kind.
+        _ => {}
+    }
+}
+
+fn edit_instancer(instancer: &mut InstancerDesc, edit: Edit) {
+    match edit {
+        Edit::Instances(arrays) => instancer.arrays = arrays,
+        Edit::Transform(levels) => instancer.transform = levels,
+        Edit::PartOf(part) => instancer.parent = part,
+        Edit::Visible(visible) => instancer.visible = visible,
+        Edit::Motion(scale, samples) => {
+            instancer.blur_scale = scale;
+            instancer.nonlinear_samples = samples;
+        }
         _ => {}
     }
 }

@@ -2,10 +2,10 @@
 
 use glam::{DVec3, Vec3};
 use hdtrapeze_core::film::tile::Keeps;
+use hdtrapeze_core::memory;
 use hdtrapeze_core::render::{Frame, FrameError, PrepareError, Prepared, WorldHit, WorldRay};
 
 use crate::error::Error;
-use crate::memory;
 use crate::progress::Statistics;
 
 /// Numbers of a commit.
@@ -27,6 +27,7 @@ pub(crate) fn prepare_statistics(prepared: &Prepared) -> Statistics {
         total_seconds: from.total_seconds,
         objects_diced: from.objects_diced,
         objects_reused: from.objects_reused,
+        objects_placed: from.objects_placed,
         ..Statistics::default()
     }
 }
@@ -54,6 +55,7 @@ pub(crate) fn new_frame(prepared: &Prepared) -> Result<Frame, Error> {
 pub(crate) fn prepare_error(error: PrepareError) -> Error {
     match error {
         PrepareError::Cancelled => Error::Cancelled,
+        PrepareError::OutOfMemory(what) => Error::OutOfMemory(what),
         _ => Error::InvalidArgument(error.to_string()),
     }
 }

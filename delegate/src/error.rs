@@ -1,5 +1,7 @@
 //! Why a session refused or failed.
 
+use hdtrapeze_core::memory::{self, OutOfMemory};
+
 /// One failure, with a sentence for the user.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Error {
@@ -32,6 +34,15 @@ pub enum Error {
     Internal(String),
 }
 
+impl From<OutOfMemory> for Error {
+    fn from(error: OutOfMemory) -> Self {
+        Error::OutOfMemory(error.to_string())
+    }
+}
+
+/// Copies of more bytes than this are asked for first: memory that the system promises may not be there.
+const LARGE_COPY: usize = 1 << 26;
+
 /// A copy of a slice; refused where memory for it is not to be had.
 pub fn try_copy<T: Clone>(source: &[T]) -> Result<Vec<T>, Error> {
     try_map(source, T::clone)
@@ -39,11 +50,13 @@ pub fn try_copy<T: Clone>(source: &[T]) -> Result<Vec<T>, Error> {
 
 /// Each element of a slice converted; refused where memory for it is not to be had.
 pub fn try_map<S, T>(source: &[S], convert: impl FnMut(&S) -> T) -> Result<Vec<T>, Error> {
+    let bytes = source.len().saturating_mul(size_of::<T>());
+    if bytes > LARGE_COPY {
+        memory::check(bytes as u64, "a copy of an array")?;
+    }
     let mut copy = Vec::new();
-    copy.try_reserve_exact(source.len()).map_err(|_| {
-        let bytes = source.len().saturating_mul(size_of::<T>());
-        Error::OutOfMemory(format!("no memory for a copy of {bytes} bytes"))
-    })?;
+    copy.try_reserve_exact(source.len())
+        .map_err(|_| Error::OutOfMemory(format!("no memory for a copy of {bytes} bytes")))?;
     copy.extend(source.iter().map(convert));
     Ok(copy)
 }

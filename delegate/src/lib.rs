@@ -17,7 +17,6 @@ pub mod error;
 pub mod file;
 pub mod image;
 mod log;
-mod memory;
 mod pool;
 pub mod product;
 pub mod progress;

@@ -128,6 +128,8 @@ pub struct Statistics {
     pub objects_diced: u64,
     /// Objects that the last commit kept from before.
     pub objects_reused: u64,
+    /// Those of them that were placed anew: only their grids were kept.
+    pub objects_placed: u64,
 }
 
 #[cfg(test)]

@@ -13,6 +13,7 @@ use std::time::{Duration, Instant};
 use hdtrapeze_core::aov::{Aov, AovImage};
 use hdtrapeze_core::diagnostics::{Code, Warning};
 use hdtrapeze_core::dump::dump;
+use hdtrapeze_core::memory;
 use hdtrapeze_core::render::{
     Frame, Prepared, RenderControl, WorldHit, WorldRay, prepare_with, render,
 };
@@ -29,7 +30,6 @@ use crate::error::{Error, try_map};
 use crate::file::{self, ImageOptions};
 use crate::image::Image;
 use crate::log::{LogFn, in_log_callback};
-use crate::memory;
 use crate::pool::Pool;
 use crate::product::RenderVar;
 use crate::progress::{Progress, State, Statistics};
@@ -317,7 +317,7 @@ impl Session {
                 file::set_fact(&mut image.metadata, name, value.clone());
             }
             file::write(path, &image, options)?;
-            Ok(warnings)
+            Ok::<_, Error>(warnings)
         })?;
         self.warn(&written?);
         Ok(())

@@ -54,6 +54,23 @@ impl RasterView {
         }
     }
 
+    /// False for a sphere (camera space) that lies wholly behind the camera, or outside of the image and
+    /// its margin.
+    pub fn may_show(&self, centre: DVec3, radius: f64) -> bool {
+        if self.size.min_element() <= 0.0 {
+            return true;
+        }
+        let reach = (self.reach() * (1.0 + MARGIN_SHARE) + MARGIN_PIXELS) / self.scale;
+        let (reach, across) = (reach.as_dvec2(), centre.truncate().abs());
+        if self.orthographic {
+            return (across - reach).max_element() <= radius;
+        }
+        // Planes through the eye and the margin's edges.
+        let inside =
+            |slope: f64, across: f64| across + slope * centre.z <= radius * slope.hypot(1.0);
+        centre.z <= radius && inside(reach.x, across.x) && inside(reach.y, across.y)
+    }
+
     /// How far the image reaches from the axis, pixels; the larger of two sides.
     fn reach(&self) -> Vec2 {
         self.centre.abs().max((self.size - self.centre).abs())

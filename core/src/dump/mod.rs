@@ -2,22 +2,24 @@
 //!
 //! Raw samples are resolved to the shutter first (keys in [0, 1], rates applied, levels of transforms
 //! multiplied), so that two hosts which sample differently but mean the same print the same. Nothing
-//! is diced. Prims come in the order of their paths; numbers have six significant digits, and what is
+//! is diced. Prims come in the order of their paths, then instancers in that of theirs; numbers have six significant digits, and what is
 //! nothing beside its neighbours is 0 (see [`text`]). Warnings of the translation follow their prim.
 //!
 //! Matrices are printed as USD prints them: row vectors, four rows.
 
 mod camera;
 mod geometry;
+mod instancer;
 mod prim;
 mod text;
 
 use std::sync::Arc;
 
 use crate::diagnostics::Warning;
+use crate::motion::{Hierarchy, Shutter};
 use crate::render::resolve_shutter;
-use crate::scene::{CameraDesc, PrimDesc, RenderSettings, Scene};
-use text::{Page, number, pair};
+use crate::scene::{CameraDesc, InstancerDesc, PrimDesc, RenderSettings, Scene, TransformSamples};
+use text::{Page, matrix, number, pair};
 
 /// Version of the format; the first line of every dump tells it.
 pub const VERSION: u32 = 1;
@@ -46,9 +48,38 @@ pub fn dump(scene: &Scene) -> String {
     prims.sort_by(|a, b| a.common.path.cmp(&b.common.path));
     for desc in prims {
         page.line("");
-        prim::write(&mut page, desc, shutter);
+        prim::write(&mut page, desc, scene, shutter);
+    }
+    let mut instancers: Vec<&Arc<InstancerDesc>> = scene.instancers.values().collect();
+    instancers.sort_by(|a, b| a.path.cmp(&b.path));
+    for desc in instancers {
+        page.line("");
+        instancer::write(&mut page, desc, scene, shutter);
     }
     page.finish()
+}
+
+/// What UsdGeomMotionAPI says of a prim.
+fn write_motion(page: &mut Page, blur_scale: f64, nonlinear_samples: Option<u32>) {
+    if blur_scale != 1.0 {
+        page.line(&format!("blur scale {}", number(blur_scale)));
+    }
+    if let Some(count) = nonlinear_samples {
+        page.line(&format!("nonlinear samples {count}"));
+    }
+}
+
+/// Matrices at the keys of the samples, all levels multiplied.
+fn write_transform(page: &mut Page, levels: &[TransformSamples], shutter: Shutter) {
+    match Hierarchy::new(levels, shutter) {
+        Ok(hierarchy) => {
+            for time in hierarchy.key_times() {
+                let text = matrix(&hierarchy.matrix(time));
+                page.line(&format!("transform at {}: {text}", number(time)));
+            }
+        }
+        Err(error) => page.line(&format!("transform: {error}")),
+    }
 }
 
 fn write_settings(page: &mut Page, settings: &RenderSettings) {

@@ -1,12 +1,13 @@
 //! One prim of a dump.
 
-use super::text::{Page, array, integers, matrix, number};
-use super::{geometry, write_warnings};
-use crate::motion::{Hierarchy, Shutter};
-use crate::scene::{Interpolation, PrimCommon, PrimDesc, PrimvarDesc};
+use super::instancer::write_part_of;
+use super::text::{Page, array, integers};
+use super::{geometry, write_motion, write_transform, write_warnings};
+use crate::motion::Shutter;
+use crate::scene::{Interpolation, PrimCommon, PrimDesc, PrimvarDesc, Scene};
 use crate::translate::blur::prim_shutter;
 
-pub(super) fn write(page: &mut Page, prim: &PrimDesc, shutter: Shutter) {
+pub(super) fn write(page: &mut Page, prim: &PrimDesc, scene: &Scene, shutter: Shutter) {
     let common = &prim.common;
     page.line(&format!(
         "{} {}",
@@ -16,9 +17,10 @@ pub(super) fn write(page: &mut Page, prim: &PrimDesc, shutter: Shutter) {
     page.indented(|page| {
         let mut warnings = Vec::new();
         flags(page, common);
+        write_part_of(page, common.instancer, scene);
         let shutter = prim_shutter(&common.path, common.blur_scale, shutter, &mut warnings);
         geometry::write(page, &common.path, &prim.geometry, shutter, &mut warnings);
-        transform(page, common, shutter);
+        write_transform(page, &common.transform, shutter);
         for (name, primvar) in &common.primvars {
             write_primvar(page, name, primvar);
         }
@@ -36,25 +38,7 @@ fn flags(page: &mut Page, common: &PrimCommon) {
     if common.double_sided {
         page.line("double sided");
     }
-    if common.blur_scale != 1.0 {
-        page.line(&format!("blur scale {}", number(common.blur_scale)));
-    }
-    if let Some(count) = common.nonlinear_samples {
-        page.line(&format!("nonlinear samples {count}"));
-    }
-}
-
-/// Matrices at the keys of the prim's own samples, all levels multiplied.
-fn transform(page: &mut Page, common: &PrimCommon, shutter: Shutter) {
-    match Hierarchy::new(&common.transform, shutter) {
-        Ok(hierarchy) => {
-            for time in hierarchy.key_times() {
-                let text = matrix(&hierarchy.matrix(time));
-                page.line(&format!("transform at {}: {text}", number(time)));
-            }
-        }
-        Err(error) => page.line(&format!("transform: {error}")),
-    }
+    write_motion(page, common.blur_scale, common.nonlinear_samples);
 }
 
 fn write_primvar(page: &mut Page, name: &str, primvar: &PrimvarDesc) {

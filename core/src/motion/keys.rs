@@ -160,6 +160,18 @@ pub fn union<'a>(lists: impl IntoIterator<Item = &'a [f64]>) -> Vec<f64> {
     keys
 }
 
+/// Key times with every segment halved `depth` times.
+pub fn subdivided(keys: &[f64], depth: u32) -> Vec<f64> {
+    let pieces = 1u32 << depth;
+    let mut out = Vec::with_capacity(keys.len() << depth);
+    for w in keys.windows(2) {
+        let at = |k: u32| w[0] + (w[1] - w[0]) * (f64::from(k) / f64::from(pieces));
+        out.extend((0..pieces).map(at));
+    }
+    out.extend(keys.last());
+    out
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -211,24 +211,17 @@ impl<'a> RatedPoints<'a> {
     }
 }
 
-/// `orientations` after `seconds` of turning by `angular_velocities`: degrees a second about axes of
-/// the space that the orientations are in. Turns that are not finite are none.
-pub fn turned(orientations: &[DQuat], angular_velocities: &[Vec3], seconds: f64) -> Vec<DQuat> {
-    let turn = |(&q, w): (&DQuat, &Vec3)| {
-        let w = w.as_dvec3();
-        let speed = w.length();
-        let angle = (speed * seconds).to_radians();
-        if speed > 0.0 && angle.is_finite() {
-            DQuat::from_axis_angle(w / speed, angle) * q
-        } else {
-            q
-        }
-    };
-    orientations
-        .iter()
-        .zip(angular_velocities)
-        .map(turn)
-        .collect()
+/// The turn of `seconds` by an angular velocity: degrees a second about its own direction, in the space
+/// that orientations are in, after them. Turns that are not finite are none.
+pub fn turn(angular_velocity: Vec3, seconds: f64) -> DQuat {
+    let w = angular_velocity.as_dvec3();
+    let speed = w.length();
+    let angle = (speed * seconds).to_radians();
+    if speed > 0.0 && angle.is_finite() {
+        DQuat::from_axis_angle(w / speed, angle)
+    } else {
+        DQuat::IDENTITY
+    }
 }
 
 #[cfg(test)]
@@ -352,9 +345,11 @@ mod tests {
     #[test]
     fn orientations_turn_about_axes_of_their_space() {
         let q = DQuat::from_rotation_x(std::f64::consts::FRAC_PI_2);
-        let out = turned(&[q, q, q], &[Vec3::Z * 180.0, Vec3::ZERO, Vec3::NAN], 0.5);
         // The x axis is along x after q, and along y after a quarter turn about z.
-        assert!((out[0] * DVec3::X - DVec3::Y).length() < 1e-12);
-        assert_eq!(out[1..], [q, q]);
+        let turned = turn(Vec3::Z * 180.0, 0.5) * q;
+        assert!((turned * DVec3::X - DVec3::Y).length() < 1e-12);
+        for none in [Vec3::ZERO, Vec3::NAN, Vec3::INFINITY] {
+            assert_eq!(turn(none, 0.5), DQuat::IDENTITY);
+        }
     }
 }

@@ -37,6 +37,11 @@ pub enum TransformError {
 /// what f32 can hold after the origin was subtracted.
 const LARGEST_ENTRY: f64 = 1.0e18;
 
+/// True for a matrix that is finite and below that.
+pub fn is_usable(m: &DAffine3) -> bool {
+    m.to_cols_array().iter().all(|x| x.abs() < LARGEST_ENTRY)
+}
+
 /// Levels of one object's transform, resolved to a shutter.
 #[derive(Clone, Debug, Default)]
 pub struct Hierarchy {
@@ -68,8 +73,7 @@ impl Hierarchy {
         shutter: Shutter,
     ) -> Result<(), TransformError> {
         let matrices: Vec<DAffine3> = matrices.iter().map(affine).collect();
-        let usable = |m: &DAffine3| m.to_cols_array().iter().all(|x| x.abs() < LARGEST_ENTRY);
-        if !matrices.iter().all(usable) {
+        if !matrices.iter().all(is_usable) {
             return Err(TransformError::NotFinite);
         }
         let count = times.len().min(matrices.len());
@@ -103,6 +107,11 @@ impl Hierarchy {
     /// True when the matrix changes within the shutter.
     pub fn is_moving(&self) -> bool {
         self.levels.iter().any(|l| !l.is_fixed())
+    }
+
+    /// Number of levels that move.
+    pub fn moving_levels(&self) -> usize {
+        self.levels.iter().filter(|l| !l.is_fixed()).count()
     }
 
     /// Union of the levels' key times; `[0]` when nothing moves.

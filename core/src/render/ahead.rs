@@ -5,6 +5,7 @@ use std::collections::HashMap;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, PoisonError};
 
+use super::chains::Chain;
 use super::objects::prepare_prim;
 use super::prepare::{View, same_dicing};
 use super::prepared::CacheEntry;
@@ -37,15 +38,19 @@ impl Ahead {
         factory: &dyn SubdivisionFactory,
         cancel: &AtomicBool,
     ) {
-        if !desc.common.visible {
+        // Where parts of instancers are is known at the commit.
+        if !desc.common.visible || desc.common.instancer.is_some() {
             return;
         }
-        let objects = prepare_prim(desc, &self.view.context(factory, cancel));
+        let instancers = HashMap::new();
+        let context = self.view.context(&instancers, factory, cancel);
+        let objects = prepare_prim(desc, None, &context);
         if cancel.load(std::sync::atomic::Ordering::Relaxed) {
             return;
         }
         let entry = CacheEntry {
             desc: Arc::clone(desc),
+            chain: Chain::new(),
             objects: Arc::new(objects),
         };
         let mut entries = self.entries.lock().unwrap_or_else(PoisonError::into_inner);

@@ -217,7 +217,7 @@ impl<'a> Integrator<'a> {
                     [0.0; 2]
                 },
                 prim_id: prim.pick_id,
-                instance_id: entry.instance_id,
+                instance_id: world.instance_id(hit).unwrap_or(-1),
                 element_id: element as i32,
             }
         } else {

@@ -5,6 +5,8 @@
 //! did not touch is taken over from the one before.
 
 mod ahead;
+mod chains;
+mod instances;
 mod integrate;
 mod objects;
 mod passes;

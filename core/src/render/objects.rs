@@ -4,24 +4,26 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
+use std::collections::HashMap;
+
 use glam::{DAffine3, DVec3};
 
+use super::instances::{self, Shared};
 use super::shape::{self, Shape, Target};
 use crate::bvh::ObjectGeometry;
 use crate::camera::Camera;
 use crate::diagnostics::{Code, Warning};
 use crate::dice::RasterMetric;
-use crate::motion::{Hierarchy, PointPath, Shutter};
-use crate::scene::{PrimDesc, RenderSettings};
+use crate::motion::{Hierarchy, Shutter, TransformError};
+use crate::scene::{PrimDesc, PrimId, RenderSettings};
 use crate::shade::{DEFAULT_ALBEDO, PrimShading, Source};
 use crate::surface::SubdivisionFactory;
-use crate::trace::InstanceTransform;
+use crate::trace::places::{InstanceSet, Shift};
 use crate::translate::blur::prim_shutter;
-use crate::translate::measure::{
-    CHORD_TOLERANCE, ObjectBounds, largest_scale, pixels_per_unit, views_at_keys,
-};
+use crate::translate::instancer::{Instancer, Placements};
+use crate::translate::measure::{CHORD_TOLERANCE, ObjectBounds, instance_pixels, views_at_keys};
 use crate::translate::points::Bends;
-use crate::translate::route::{self, MatrixPath, RouteError};
+use crate::translate::route;
 
 /// What a prim is prepared with.
 #[derive(Clone, Copy)]
@@ -31,17 +33,17 @@ pub(super) struct Context<'a> {
     pub shutter: Shutter,
     /// Keys of paths that bend, of the prim that is prepared.
     pub bends: Bends<'a>,
+    /// Those that its prims are part of.
+    pub instancers: &'a HashMap<PrimId, Arc<Instancer>>,
     pub settings: &'a RenderSettings,
     pub factory: &'a dyn SubdivisionFactory,
     pub cancel: &'a AtomicBool,
 }
 
-/// One appearance of an object.
+/// Appearances of an object.
 #[derive(Clone, Debug)]
-pub(super) struct Placed {
-    pub geometry: Arc<ObjectGeometry>,
-    pub transform: InstanceTransform,
-    pub instance_id: i32,
+pub(super) struct PlacedSet {
+    pub set: Arc<InstanceSet>,
     /// The mesh stores no normals, and its facets' outside is not where its lattices' is.
     pub flip: bool,
 }
@@ -50,8 +52,14 @@ pub(super) struct Placed {
 #[derive(Clone, Debug)]
 pub(super) struct PrimObjects {
     pub shading: PrimShading,
-    pub placed: Vec<Placed>,
+    pub placed: Vec<PlacedSet>,
     pub warnings: Vec<Warning>,
+    /// Those of its geometry, where it is part of instancers.
+    pub shape_warnings: Vec<Warning>,
+    /// What it was diced to there.
+    pub shared: Option<Shared>,
+    /// True where grids were made, and not only taken over.
+    pub diced: bool,
     pub limit_evaluations: u64,
     /// Checking, surfaces and paths: all that is not dicing or building.
     pub translate_seconds: f64,
@@ -71,6 +79,9 @@ impl PrimObjects {
             },
             placed: Vec::new(),
             warnings: Vec::new(),
+            shape_warnings: Vec::new(),
+            shared: None,
+            diced: false,
             limit_evaluations: 0,
             translate_seconds: 0.0,
             dice_seconds: 0.0,
@@ -80,21 +91,31 @@ impl PrimObjects {
     }
 }
 
-/// Prepares one prim. Never fails: what cannot be rendered is left out with a warning.
-pub(super) fn prepare_prim(prim: &PrimDesc, context: &Context<'_>) -> PrimObjects {
+/// Prepares one prim. Never fails: what cannot be rendered is left out with a warning. `old` is what it
+/// was before, where only its place may have changed.
+pub(super) fn prepare_prim(
+    prim: &PrimDesc,
+    old: Option<&PrimObjects>,
+    context: &Context<'_>,
+) -> PrimObjects {
     let start = Instant::now();
-    let mut out = translate(prim, context);
+    let mut out = translate(prim, old, context);
     out.translate_seconds = start.elapsed().as_secs_f64() - out.dice_seconds - out.build_seconds;
     out
 }
 
-fn translate(prim: &PrimDesc, context: &Context<'_>) -> PrimObjects {
+fn translate(prim: &PrimDesc, old: Option<&PrimObjects>, context: &Context<'_>) -> PrimObjects {
     let mut out = PrimObjects::empty();
     let path = &prim.common.path;
     let common = &prim.common;
     let mut warnings = Vec::new();
     let shutter = prim_shutter(path, common.blur_scale, context.shutter, &mut warnings);
-    let places = Places::new(prim, shutter);
+    let places = Places::new(prim, shutter, context.instancers);
+    if let Ok(Places::Many(placements)) = &places
+        && placements.count() == 0
+    {
+        return out;
+    }
     let tolerance = |bounds: &ObjectBounds| {
         let pixels = places
             .as_ref()
@@ -109,57 +130,63 @@ fn translate(prim: &PrimDesc, context: &Context<'_>) -> PrimObjects {
         },
         ..*context
     };
-    let Some(shape) = shape::make(prim, context, &mut out) else {
-        return out;
+    let make = |out: &mut PrimObjects| {
+        let shape = shape::make(prim, context, out);
+        out.warnings.extend(warnings.iter().cloned());
+        shape
     };
-    let shape = shape.as_ref();
-    out.warnings.append(&mut warnings);
     match &places {
         Ok(Places::One(hierarchy)) => {
-            let matrix = |t: f64| hierarchy.matrix(t);
-            out.flatten(path, shape, &matrix, &hierarchy.key_times(), 0, context);
+            if let Some(shape) = make(&mut out) {
+                let matrix = |t: f64| hierarchy.matrix(t);
+                let keys = hierarchy.key_times();
+                out.flatten(path, shape.as_ref(), &matrix, &keys, 0, context);
+            }
         }
-        Ok(Places::Many(paths, ids)) => {
-            let id = |i: usize| ids.get(i).copied().unwrap_or(i as i32);
-            out.instance(path, shape, paths, &id, context);
+        Ok(Places::Many(placements)) => out.instance(path, placements, old, make, context),
+        Err(error) => {
+            out.warnings.extend(warnings.iter().cloned());
+            out.drop_prim(path, Code::NotFinite, &error.to_string());
         }
-        Err((code, error)) => out.drop_prim(path, *code, &error.to_string()),
     }
     out
 }
 
 /// Where a prim is over the shutter.
-enum Places<'a> {
+enum Places {
     One(Hierarchy),
-    /// Paths of instances, and their ids.
-    Many(Vec<Option<MatrixPath>>, &'a [i32]),
+    /// A part of instancers.
+    Many(Placements),
 }
 
-impl<'a> Places<'a> {
-    fn new(prim: &'a PrimDesc, shutter: Shutter) -> Result<Self, (Code, RouteError)> {
-        let hierarchy = Hierarchy::new(&prim.common.transform, shutter)
-            .map_err(|error| (Code::NotFinite, error.into()))?;
-        let Some(instances) = &prim.common.instances else {
-            return Ok(Self::One(hierarchy));
-        };
-        route::instance_paths(instances, &hierarchy, shutter)
-            .map(|paths| Self::Many(paths, &instances.ids))
-            .map_err(|error| (Code::TimeSamples, error))
+impl Places {
+    fn new(
+        prim: &PrimDesc,
+        shutter: Shutter,
+        instancers: &HashMap<PrimId, Arc<Instancer>>,
+    ) -> Result<Self, TransformError> {
+        let hierarchy = Hierarchy::new(&prim.common.transform, shutter)?;
+        let of = |(id, prototype)| Some((instancers.get(&id)?.clone(), prototype));
+        Ok(match prim.common.instancer.and_then(of) {
+            Some((instancer, prototype)) => {
+                Self::Many(Placements::new(instancer, prototype, hierarchy))
+            }
+            None => Self::One(hierarchy),
+        })
     }
 
     /// Pixels per object-space unit where the prim is largest over the shutter.
     fn pixels(&self, camera: &Camera, bounds: &ObjectBounds) -> f64 {
         match self {
-            Self::One(hierarchy) => largest_pixels(
-                camera,
-                &|t| hierarchy.matrix(t),
-                &hierarchy.key_times(),
-                bounds,
-            ),
-            Self::Many(paths, _) => {
-                let pixels = |p: &MatrixPath| instance_pixels(camera, p, bounds);
-                paths.iter().flatten().map(pixels).fold(0.0, f64::max)
+            Self::One(hierarchy) => {
+                let keys = hierarchy.key_times();
+                let times = keys.iter().chain(camera.key_times());
+                let pixels = times.map(|&t| {
+                    instance_pixels(&camera.raster_view(t), &hierarchy.matrix(t), bounds)
+                });
+                pixels.fold(0.0f64, f64::max)
             }
+            Self::Many(placements) => instances::largest_pixels(placements, bounds, camera),
         }
     }
 }
@@ -174,7 +201,7 @@ impl PrimObjects {
     }
 
     /// Places the shape once, with its vertices in world space.
-    fn flatten(
+    pub(super) fn flatten(
         &mut self,
         path: &str,
         shape: &dyn Shape,
@@ -196,85 +223,16 @@ impl PrimObjects {
         };
         self.segments = self.segments.max(points.key_times().len() - 1);
         if let Some(geometry) = self.build(path, shape, &target, context) {
-            let transform = InstanceTransform::Translation(DVec3::ZERO);
             let mirrored = matrix(matrix_keys[0]).matrix3.determinant() < 0.0;
             let flip =
                 geometry.mesh().normal_key_count == 0 && (mirrored != shape.is_left_handed());
-            self.placed.push(Placed {
-                geometry,
-                transform,
-                instance_id,
-                flip,
-            });
+            let place = Shift::new(DVec3::ZERO, geometry.mesh().origin, instance_id);
+            let set = Arc::new(InstanceSet::translated(geometry, vec![place]));
+            self.placed.push(PlacedSet { set, flip });
         }
     }
 
-    /// Places the shape at every path, diced once where rays can be carried into object space.
-    fn instance(
-        &mut self,
-        path: &str,
-        shape: &dyn Shape,
-        paths: &[Option<MatrixPath>],
-        id: &dyn Fn(usize) -> i32,
-        context: &Context<'_>,
-    ) {
-        let lost = paths.iter().filter(|p| p.is_none()).count();
-        if lost > 0 {
-            let text = format!(
-                "{lost} of {} instances have no finite transform; dropped",
-                paths.len()
-            );
-            self.warn(path, Code::NotFinite, text);
-        }
-        let numbered = || {
-            paths
-                .iter()
-                .enumerate()
-                .filter_map(|(i, p)| Some((i, p.as_ref()?)))
-        };
-        let (shared, alone): (Vec<_>, Vec<_>) = numbered().partition(|(_, p)| p.is_invertible());
-        if !shared.is_empty() {
-            let bounds = ObjectBounds::of(&shape.points().points);
-            let scale = shared
-                .iter()
-                .map(|(_, p)| instance_pixels(context.camera, p, &bounds))
-                .fold(0.0f64, f64::max);
-            let points = PointPath::identity(&shape.points().times, bounds.centre());
-            self.segments = self.segments.max(points.key_times().len() - 1);
-            let metric = RasterMetric::uniform(scale as f32);
-            let target = Target {
-                path: &points,
-                metric: &metric,
-                instanced: true,
-            };
-            if let Some(geometry) = self.build(path, shape, &target, context) {
-                let flip = geometry.mesh().normal_key_count == 0 && shape.is_left_handed();
-                for (i, p) in shared {
-                    self.segments = self.segments.max(p.key_times.len() - 1);
-                    let transform = match p.matrices.as_slice() {
-                        [m] => InstanceTransform::Static(*m),
-                        _ => InstanceTransform::Moving {
-                            key_times: p.key_times.iter().map(|&t| t as f32).collect(),
-                            matrices: p.matrices.clone(),
-                        },
-                    };
-                    let geometry = Arc::clone(&geometry);
-                    self.placed.push(Placed {
-                        geometry,
-                        transform,
-                        instance_id: id(i),
-                        flip,
-                    });
-                }
-            }
-        }
-        for (i, p) in alone {
-            self.flatten(path, shape, &|t| p.at(t), &p.key_times, id(i), context);
-        }
-        self.placed.sort_by_key(|p| p.instance_id);
-    }
-
-    fn build(
+    pub(super) fn build(
         &mut self,
         path: &str,
         shape: &dyn Shape,
@@ -282,6 +240,7 @@ impl PrimObjects {
         context: &Context<'_>,
     ) -> Option<Arc<ObjectGeometry>> {
         let start = Instant::now();
+        self.diced = true;
         let diced = shape.dice(path, target, context, self)?;
         self.dice_seconds += start.elapsed().as_secs_f64();
         if diced.grids.is_empty() {
@@ -300,31 +259,4 @@ impl PrimObjects {
         }
         Some(Arc::new(geometry))
     }
-}
-
-/// The same of an instance.
-fn instance_pixels(camera: &Camera, path: &MatrixPath, bounds: &ObjectBounds) -> f64 {
-    largest_pixels(camera, &|t| path.at(t), &path.key_times, bounds)
-}
-
-/// Pixels per object-space unit of a prim under `matrix(time)`, at its largest over the shutter.
-fn largest_pixels(
-    camera: &Camera,
-    matrix: &dyn Fn(f64) -> DAffine3,
-    key_times: &[f64],
-    bounds: &ObjectBounds,
-) -> f64 {
-    let times = key_times.iter().chain(camera.key_times());
-    times
-        .map(|&t| {
-            let m = matrix(t);
-            // Off-screen instances must not decide the rate: those wholly behind the camera count less.
-            let view = camera.raster_view(t);
-            let centre = view
-                .world_to_camera
-                .transform_point3(m.transform_point3(bounds.centre()));
-            let behind = !view.orthographic && centre.z > bounds.radius() * largest_scale(&m);
-            pixels_per_unit(&view, &m, bounds) * if behind { 0.125 } else { 1.0 }
-        })
-        .fold(0.0f64, f64::max)
 }

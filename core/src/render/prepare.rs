@@ -8,16 +8,19 @@ use std::time::Instant;
 use rayon::prelude::*;
 
 use super::ahead::Ahead;
+use super::chains::{self, Chain, same_chain};
 use super::objects::{Context, PrimObjects, prepare_prim};
-use super::prepared::{CacheEntry, InstanceEntry, PrepareStatistics, Prepared, PreparedPrim};
+use super::prepared::{CacheEntry, PrepareStatistics, Prepared, PreparedPrim, SetEntry};
 use crate::aov::Aov;
 use crate::camera::Camera;
 use crate::diagnostics::{Code, Warning};
 use crate::effects::{EffectPlan, TimePlan};
+use crate::memory;
 use crate::motion::Shutter;
 use crate::scene::{CameraDesc, PrimDesc, PrimId, RenderSettings, Scene};
 use crate::surface::SubdivisionFactory;
-use crate::trace::{World, WorldInstance};
+use crate::trace::{World, WorldSet};
+use crate::translate::instancer::Instancer;
 use crate::translate::points::Bends;
 
 /// Why a scene cannot be prepared at all.
@@ -32,6 +35,9 @@ pub enum PrepareError {
     /// A setting is out of range.
     #[error("{0}")]
     Setting(String),
+    /// More than there is memory for.
+    #[error("{0}")]
+    OutOfMemory(String),
     /// Asked to stop.
     #[error("cancelled")]
     Cancelled,
@@ -79,6 +85,7 @@ impl View {
 
     pub fn context<'a>(
         &'a self,
+        instancers: &'a HashMap<PrimId, Arc<Instancer>>,
         factory: &'a dyn SubdivisionFactory,
         cancel: &'a AtomicBool,
     ) -> Context<'a> {
@@ -86,6 +93,7 @@ impl View {
             camera: &self.camera,
             shutter: self.shutter,
             bends: Bends::Samples(2), // each prim has its own
+            instancers,
             settings: &self.settings,
             factory,
             cancel,
@@ -125,25 +133,51 @@ pub fn prepare_with(
     let aovs = resolve_aovs(settings, &mut warnings);
 
     let ahead = ahead.map(|ahead| ahead.take_for(&view)).unwrap_or_default();
-    let reusable = previous.filter(|p| same_dicing(p.shutter, &p.camera_desc, &p.settings, &view));
-    let context = view.context(factory, cancel);
-    let visible: Vec<(&PrimId, &Arc<PrimDesc>)> = scene
-        .prims
+    let places = find_places(scene, &mut warnings);
+    let visible: Vec<(&PrimId, &Arc<PrimDesc>, &Chain)> = places
         .iter()
-        .filter(|(_, p)| p.common.visible)
+        .map(|(id, prim, chain)| (*id, *prim, chain))
         .collect();
-    let prepared: Vec<(Arc<PrimObjects>, bool)> = visible
+    let same_view = previous.filter(|p| same_dicing(p.shutter, &p.camera_desc, &p.settings, &view));
+    let same_rates = previous.filter(|p| same_shared_dicing(p, &view));
+    let taken = |id: &PrimId, prim: &Arc<PrimDesc>, chain: &Chain| {
+        let new = ahead.get(id).filter(|new| Arc::ptr_eq(&new.desc, prim));
+        if let Some(new) = new {
+            return Some((Arc::clone(&new.objects), Taken::Ahead));
+        }
+        let old = same_view?.cache.get(id)?;
+        let same = same_geometry(&old.desc, prim) && same_place(&old.desc, prim);
+        let same = same && same_chain(&old.chain, chain);
+        same.then(|| (Arc::clone(&old.objects), Taken::Whole))
+    };
+    let found: Vec<Option<(Arc<PrimObjects>, Taken)>> = visible
+        .iter()
+        .map(|(id, prim, chain)| taken(id, prim, chain))
+        .collect();
+    let parts = visible
+        .iter()
+        .zip(&found)
+        .filter(|(_, found)| found.is_none())
+        .filter_map(|((_, prim, _), _)| prim.common.instancer);
+    let instancers = chains::resolve(scene, parts, view.shutter, &mut warnings);
+    check_memory(&visible, &found, &instancers)?;
+    let context = view.context(&instancers, factory, cancel);
+    let prepared: Vec<(Arc<PrimObjects>, Taken)> = visible
         .par_iter()
-        .map(|(id, prim)| {
-            let new = ahead.get(id).filter(|new| Arc::ptr_eq(&new.desc, prim));
-            if let Some(new) = new {
-                return (Arc::clone(&new.objects), false);
+        .zip(found)
+        .map(|((id, prim, _), found)| {
+            if let Some(found) = found {
+                return found;
             }
-            let old = reusable.and_then(|p| p.cache.get(id));
-            match old.filter(|old| same_geometry(&old.desc, prim)) {
-                Some(old) => (Arc::clone(&old.objects), true),
-                None => (Arc::new(prepare_prim(prim, &context)), false),
-            }
+            let old = same_rates.and_then(|p| p.cache.get(id));
+            let old = old.filter(|old| same_geometry(&old.desc, prim));
+            let old = old.map(|old| &*old.objects);
+            let objects = Arc::new(prepare_prim(prim, old, &context));
+            let taken = match objects.diced || old.is_none() {
+                true => Taken::Nothing,
+                false => Taken::Grids,
+            };
+            (objects, taken)
         })
         .collect();
     if cancel.load(Ordering::Relaxed) {
@@ -156,21 +190,27 @@ pub fn prepare_with(
         prims: visible.len() as u64,
         ..Default::default()
     };
-    for ((id, desc), (objects, reused)) in visible.iter().zip(prepared) {
+    for ((id, desc, chain), (objects, taken)) in visible.into_iter().zip(prepared) {
         warnings.extend(objects.warnings.iter().cloned());
-        if reused {
-            statistics.objects_reused += 1;
-        } else {
-            statistics.objects_diced += 1;
+        match taken {
+            Taken::Whole => statistics.objects_reused += 1,
+            Taken::Grids => {
+                statistics.objects_reused += 1;
+                statistics.objects_placed += 1;
+            }
+            Taken::Nothing | Taken::Ahead => statistics.objects_diced += 1,
+        }
+        if taken != Taken::Whole {
             statistics.translate_seconds += objects.translate_seconds;
             statistics.dice_seconds += objects.dice_seconds;
             statistics.build_seconds += objects.build_seconds;
         }
         let entry = CacheEntry {
             desc: Arc::clone(desc),
+            chain: chain.clone(),
             objects: Arc::clone(&objects),
         };
-        cache.insert(**id, entry);
+        cache.insert(*id, entry);
         let path = desc.common.path.clone();
         prims.push(PreparedPrim {
             path,
@@ -179,7 +219,9 @@ pub fn prepare_with(
             objects,
         });
     }
-    let (world, instances) = place(&prims, &view.camera, &mut statistics);
+    drop(instancers);
+    let (world, sets) = place(&prims, &view.camera, &mut statistics)?;
+    drop(places);
     let View {
         camera,
         camera_desc,
@@ -196,7 +238,7 @@ pub fn prepare_with(
         aovs,
         world,
         prims,
-        instances,
+        sets,
         plan,
         statistics,
         cache,
@@ -284,6 +326,64 @@ fn resolve_aovs(settings: &RenderSettings, warnings: &mut Vec<Warning>) -> Vec<A
     aovs
 }
 
+/// What of a prim was there already.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Taken {
+    /// Nothing.
+    Nothing,
+    /// It was prepared while the host was still reading.
+    Ahead,
+    /// Its grids, from the commit before; its places are new.
+    Grids,
+    /// All of it, from the commit before.
+    Whole,
+}
+
+/// Prims that are visible, with their instancers; warns of those that have no place.
+fn find_places<'a>(
+    scene: &'a Scene,
+    warnings: &mut Vec<Warning>,
+) -> Vec<(&'a PrimId, &'a Arc<PrimDesc>, Chain)> {
+    let mut found = Vec::with_capacity(scene.prims.len());
+    let mut broken = Vec::new();
+    for (id, prim) in scene.prims.iter().filter(|(_, p)| p.common.visible) {
+        match chains::chain(scene, prim) {
+            Ok(chain) if chain.iter().all(|i| i.visible) => found.push((id, prim, chain)),
+            Ok(_) => {}
+            Err(why) => broken.push((&**prim, why)),
+        }
+    }
+    chains::warn_of(&broken, scene, warnings);
+    found
+}
+
+/// Bytes that an instance takes at most while a world is made: its record, its box, its share of the tree
+/// twice, its numbers. Moving ones take more; this is what keeps a mistaken count from ending the process.
+const BYTES_PER_INSTANCE: u64 = 300;
+
+fn check_memory(
+    visible: &[(&PrimId, &Arc<PrimDesc>, &Chain)],
+    found: &[Option<(Arc<PrimObjects>, Taken)>],
+    instancers: &HashMap<PrimId, Arc<Instancer>>,
+) -> Result<(), PrepareError> {
+    let mut total = 0u64;
+    for ((_, prim, _), found) in visible.iter().zip(found) {
+        let count = match (found, prim.common.instancer) {
+            (Some((objects, _)), _) => objects.placed.iter().map(|p| p.set.len() as u64).sum(),
+            (None, Some((id, prototype))) => instancers
+                .get(&id)
+                .map_or(0, |instancer| instancer.placement_count(prototype)),
+            (None, None) => 1,
+        };
+        total = total.saturating_add(count);
+    }
+    memory::check(
+        total.saturating_mul(BYTES_PER_INSTANCE),
+        &format!("{total} instances"),
+    )
+    .map_err(|error| PrepareError::OutOfMemory(error.to_string()))
+}
+
 /// True when everything that dicing and paths depend on, apart from the prims, is that of `view`.
 pub(super) fn same_dicing(
     shutter: Shutter,
@@ -303,14 +403,27 @@ pub(super) fn same_dicing(
         && old.window() == settings.window()
 }
 
-/// True when two descriptions of a prim give the same objects: ids and visibility do not matter.
+/// True when everything that the dicing of instanced prims depends on, apart from the prims and their
+/// rates, is that of `view`.
+fn same_shared_dicing(previous: &Prepared, view: &View) -> bool {
+    let (old, settings) = (&previous.settings, &view.settings);
+    previous.shutter == view.shutter
+        && old.shading_rate == settings.shading_rate
+        && old.max_micropolygons == settings.max_micropolygons
+}
+
+/// True when two descriptions of a prim put it in the same place.
+fn same_place(old: &PrimDesc, new: &PrimDesc) -> bool {
+    old.common.transform == new.common.transform && old.common.instancer == new.common.instancer
+}
+
+/// True when two descriptions of a prim give the same objects, apart from where they are: ids and
+/// visibility do not matter.
 fn same_geometry(old: &Arc<PrimDesc>, new: &Arc<PrimDesc>) -> bool {
     Arc::ptr_eq(old, new)
         || (old.geometry == new.geometry
-            && old.common.transform == new.common.transform
             && old.common.blur_scale == new.common.blur_scale
             && old.common.nonlinear_samples == new.common.nonlinear_samples
-            && old.common.instances == new.common.instances
             && old.common.primvars == new.common.primvars)
 }
 
@@ -318,42 +431,42 @@ fn place(
     prims: &[PreparedPrim],
     camera: &Camera,
     statistics: &mut PrepareStatistics,
-) -> (World, Vec<InstanceEntry>) {
+) -> Result<(World, Vec<SetEntry>), PrepareError> {
     let start = Instant::now();
     let mut entries = Vec::new();
-    let mut instances = Vec::new();
+    let mut sets = Vec::new();
     let mut seen = std::collections::HashSet::new();
     for (p, prim) in prims.iter().enumerate() {
         statistics.limit_evaluations += prim.objects.limit_evaluations;
         for placed in &prim.objects.placed {
-            if seen.insert(Arc::as_ptr(&placed.geometry)) {
-                let stats = placed.geometry.stats();
+            let object = placed.set.object();
+            if seen.insert(Arc::as_ptr(object)) {
+                let stats = object.stats();
                 statistics.objects += 1;
-                statistics.grids += placed.geometry.mesh().grids.len() as u64;
+                statistics.grids += object.mesh().grids.len() as u64;
                 statistics.micropolygons += stats.cells;
                 statistics.geometry_bytes += stats.mesh_bytes;
                 statistics.bvh_bytes += stats.bvh_bytes;
                 statistics.bvh_nodes += stats.nodes + stats.blocks;
             }
-            entries.push(InstanceEntry {
-                prim: p as u32,
-                instance_id: placed.instance_id,
-                flip: placed.flip,
+            sets.push(WorldSet {
+                set: Arc::clone(&placed.set),
+                user: entries.len() as u32,
             });
-            instances.push(WorldInstance {
-                object: Arc::clone(&placed.geometry),
-                transform: placed.transform.clone(),
-                user: entries.len() as u32 - 1,
+            entries.push(SetEntry {
+                prim: p as u32,
+                flip: placed.flip,
             });
         }
     }
-    let world = World::build(instances, camera.origin());
-    statistics.instances = entries.len() as u64;
+    let world = World::new(sets, camera.origin())
+        .map_err(|error| PrepareError::OutOfMemory(error.to_string()))?;
+    statistics.instances = world.instance_count() as u64;
     let stats = world.stats();
     statistics.bvh_bytes += stats.top_bytes;
     statistics.bvh_nodes += stats.top_nodes;
     statistics.world_seconds = start.elapsed().as_secs_f64();
-    (world, entries)
+    Ok((world, entries))
 }
 
 fn plan_effects(
@@ -386,8 +499,9 @@ fn plan_effects(
     plan.moving_instances = placed
         .clone()
         .flat_map(|p| &p.objects.placed)
-        .filter(|p| matches!(p.transform, crate::trace::InstanceTransform::Moving { .. }))
-        .count();
+        .filter(|p| p.set.key_times().is_some())
+        .map(|p| p.set.len())
+        .sum();
     if camera.lens_radius() > 0.0 {
         plan.lens_radius = camera.lens_radius();
         plan.lens_by = Some(camera_desc.path.clone());

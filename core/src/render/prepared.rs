@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
+use super::chains::Chain;
 use super::objects::PrimObjects;
 use crate::aov::Aov;
 use crate::camera::Camera;
@@ -21,12 +22,11 @@ pub(super) struct PreparedPrim {
     pub objects: Arc<PrimObjects>,
 }
 
-/// One entry an instance of the world: which prim, which instance of it.
+/// One entry a set of instances of the world: which prim appears.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct InstanceEntry {
+pub(super) struct SetEntry {
     pub prim: u32,
-    pub instance_id: i32,
-    /// See [`super::objects::Placed::flip`].
+    /// See [`super::objects::PlacedSet::flip`].
     pub flip: bool,
 }
 
@@ -34,6 +34,7 @@ pub(super) struct InstanceEntry {
 #[derive(Clone, Debug)]
 pub(super) struct CacheEntry {
     pub desc: Arc<PrimDesc>,
+    pub chain: Chain,
     pub objects: Arc<PrimObjects>,
 }
 
@@ -64,6 +65,8 @@ pub struct PrepareStatistics {
     pub objects_diced: u64,
     /// Prims taken over from the commit before.
     pub objects_reused: u64,
+    /// Those of them that were placed anew: only their grids were taken over.
+    pub objects_placed: u64,
 }
 
 /// A scene, ready to render.
@@ -76,16 +79,16 @@ pub struct Prepared {
     pub(super) aovs: Vec<Aov>,
     pub(super) world: World,
     pub(super) prims: Vec<PreparedPrim>,
-    pub(super) instances: Vec<InstanceEntry>,
+    pub(super) sets: Vec<SetEntry>,
     pub(super) plan: EffectPlan,
     pub(super) statistics: PrepareStatistics,
     pub(super) cache: HashMap<PrimId, CacheEntry>,
 }
 
 impl Prepared {
-    /// The instance and the prim of a hit (instances are numbered as in the world).
-    pub(super) fn hit_prim(&self, hit: &Hit) -> (InstanceEntry, &PreparedPrim) {
-        let entry = self.instances[hit.instance as usize];
+    /// The set and the prim of a hit.
+    pub(super) fn hit_prim(&self, hit: &Hit) -> (SetEntry, &PreparedPrim) {
+        let entry = self.sets[self.world.user(hit).unwrap_or(0) as usize];
         (entry, &self.prims[entry.prim as usize])
     }
 
@@ -103,11 +106,8 @@ impl Prepared {
     pub fn explain(&self) -> String {
         let s = &self.statistics;
         let [width, height] = self.settings.resolution;
-        let window = self.settings.data_window.map_or(String::new(), |w| {
-            format!(" (data window {} {} to {} {})", w[0], w[1], w[2], w[3])
-        });
         format!(
-            "camera: {}\nimage: {width} x {height}{window}, {} samples a pixel, shading rate {}\n\
+            "camera: {}\nimage: {width} x {height}, {} samples a pixel, shading rate {}\n\
              shutter: {} to {} time codes\n{}backend: cpu\n\
              scene: {} prims, {} instances, {} grids, {} micropolygons\n",
             self.camera_desc.path,

@@ -82,7 +82,7 @@ impl Prepared {
                 cell: 0,
             };
         }
-        let (entry, prim) = self.hit_prim(&hit);
+        let (_, prim) = self.hit_prim(&hit);
         WorldHit {
             t: (f64::from(hit.t) / length) as f32,
             u: hit.u,
@@ -92,7 +92,7 @@ impl Prepared {
                 .geometric_normal(&hit, ray.time)
                 .unwrap_or(Vec3::ZERO),
             prim_id: prim.pick_id,
-            instance_id: entry.instance_id,
+            instance_id: self.world.instance_id(&hit).unwrap_or(-1),
             element_id: self.world.element(&hit).map_or(-1, |e| e as i32),
             grid: hit.grid,
             cell: hit.cell,

@@ -7,6 +7,7 @@
 
 pub mod camera;
 pub mod geometry;
+pub mod instancer;
 pub mod prim;
 pub mod settings;
 
@@ -18,9 +19,10 @@ pub use camera::{
 };
 pub use geometry::{
     Axis, CurveBasis, CurveForm, CurveWrap, CurvesDesc, Geometry, GridsDesc, ImplicitDesc,
-    ImplicitKind, MeshDesc, NurbsPatchDesc, PointsSamples, Rates, Samples, SpheresDesc,
+    ImplicitKind, MeshDesc, PointsSamples, Rates, Samples, SpheresDesc,
 };
-pub use prim::{InstancesDesc, Interpolation, PrimCommon, PrimDesc, PrimvarDesc, TransformSamples};
+pub use instancer::{InstanceArrays, InstancerDesc, PrototypeOf};
+pub use prim::{Interpolation, PrimCommon, PrimDesc, PrimvarDesc, TransformSamples};
 pub use settings::{FilterKind, RenderSettings, WindowPolicy};
 
 /// Identifies a prim for the life of a scene; never reused.
@@ -32,6 +34,8 @@ pub struct PrimId(pub u64);
 pub struct Scene {
     /// Geometry, in the order of creation.
     pub prims: BTreeMap<PrimId, Arc<PrimDesc>>,
+    /// Instancers.
+    pub instancers: BTreeMap<PrimId, Arc<InstancerDesc>>,
     /// Cameras.
     pub cameras: BTreeMap<PrimId, Arc<CameraDesc>>,
     /// The camera to render through; with none, nothing can be rendered.

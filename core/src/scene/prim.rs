@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use glam::DMat4;
 
-use super::Geometry;
+use super::{Geometry, PrototypeOf};
 
 /// Matrix samples of one level of the hierarchy. Matrices map local to parent, column vectors
 /// (USD's row-vector matrices in row-major order have the same sixteen numbers in memory).
@@ -45,28 +45,16 @@ pub struct PrimvarDesc {
     pub indices: Arc<Vec<i32>>,
 }
 
-/// Instances of a prim: where a point of the prim goes is `instance * prim transform`.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct InstancesDesc {
-    /// Time codes relative to the frame.
-    pub times: Vec<f64>,
-    /// `[time][instance]` matrices.
-    pub matrices: Vec<DMat4>,
-    /// Number of instances.
-    pub instance_count: usize,
-    /// instanceId of each, or empty for 0, 1, 2...
-    pub ids: Vec<i32>,
-}
-
 /// What all geometry prims have.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PrimCommon {
     /// Path, for messages and metadata.
     pub path: String,
-    /// Transform levels, the prim's own first, then its parent's, up to the root.
+    /// Transform levels, the prim's own first, then its parent's, up to the root: of the stage, or of the
+    /// prototype that the prim is part of (that root's own level included).
     pub transform: Vec<TransformSamples>,
-    /// Instances, or none: the prim appears once.
-    pub instances: Option<Arc<InstancesDesc>>,
+    /// The prototype of an instancer that the prim is part of; none: it appears once.
+    pub instancer: Option<PrototypeOf>,
     /// Primvars by name; `displayColor`, `displayOpacity` and `normals` are shaded with.
     pub primvars: BTreeMap<String, PrimvarDesc>,
     /// Visible to the camera.
@@ -101,7 +89,7 @@ impl PrimCommon {
         Self {
             path: path.into(),
             transform: Vec::new(),
-            instances: None,
+            instancer: None,
             primvars: BTreeMap::new(),
             visible: true,
             matte: false,

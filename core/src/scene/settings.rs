@@ -87,6 +87,9 @@ pub struct RenderSettings {
     pub max_micropolygons: u64,
     /// What curves without normals are rendered as, unless their prim says so itself.
     pub curves: CurveForm,
+    /// Keep the grids of instanced prims that an earlier commit made finer than they are needed now. What
+    /// an edit does not touch is rendered sooner; bits then depend on what was rendered before.
+    pub keep_finer: bool,
     /// AOVs to render, by name; unknown names give a warning.
     pub aovs: Vec<String>,
 }
@@ -132,6 +135,7 @@ impl Default for RenderSettings {
             time_window: [0.0, 1.0],
             lens_point: None,
             max_micropolygons: 200_000_000,
+            keep_finer: true,
             curves: CurveForm::Auto,
             aovs: vec!["color".to_owned()],
         }

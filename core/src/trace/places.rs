@@ -15,7 +15,6 @@
 //! and its matrix is the inverse of that in f64. Compared with the matrix that was given, points move by
 //! at most `condition * 2^-24` of the object's size, as they would by rounding its vertices.
 
-use std::collections::TryReserveError;
 use std::sync::Arc;
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
@@ -24,23 +23,51 @@ use crate::bvh::ObjectGeometry;
 use crate::grid::locate_key;
 
 /// Where one instance is, or is at a key.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Record {
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Record {
     /// World position of the mesh's origin.
-    pub origin: DVec3,
+    pub(super) origin: DVec3,
     /// Columns of a matrix; see [`Places`].
     linear: [f32; 9],
-    pub id: i32,
+    id: i32,
 }
 
 // One cache line.
 const _: () = assert!(size_of::<Record>() == 64);
 
 /// Where one translated instance is.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Shift {
-    pub origin: DVec3,
-    pub id: i32,
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Shift {
+    pub(super) origin: DVec3,
+    id: i32,
+}
+
+impl Shift {
+    /// An instance of a mesh with this origin that is moved by `by`.
+    pub fn new(by: DVec3, mesh_origin: DVec3, id: i32) -> Self {
+        let origin = by + mesh_origin;
+        Self { origin, id }
+    }
+}
+
+impl Record {
+    /// For a fixed place: `m` takes target space (positions plus the mesh's origin) to the world.
+    pub fn fixed(m: &DAffine3, mesh_origin: DVec3, id: i32) -> Self {
+        Self::new(m, &m.matrix3.inverse(), mesh_origin, id)
+    }
+
+    /// For one key of a moving place.
+    pub fn key(m: &DAffine3, mesh_origin: DVec3, id: i32) -> Self {
+        Self::new(m, &m.matrix3, mesh_origin, id)
+    }
+
+    fn new(m: &DAffine3, linear: &DMat3, mesh_origin: DVec3, id: i32) -> Self {
+        Self {
+            origin: m.transform_point3(mesh_origin),
+            linear: linear.to_cols_array().map(|x| x as f32),
+            id,
+        }
+    }
 }
 
 /// What kind of records a set has.
@@ -66,72 +93,27 @@ pub struct InstanceSet {
 }
 
 impl InstanceSet {
-    /// A set for translated instances, with room for `count`.
-    ///
-    /// # Errors
-    /// No memory for them; also below.
-    pub fn translated(object: Arc<ObjectGeometry>, count: usize) -> Result<Self, TryReserveError> {
-        let mut places = Vec::new();
-        places.try_reserve_exact(count)?;
-        let places = Places::Translated(places);
-        Ok(Self { object, places })
+    /// Translated instances.
+    pub fn translated(object: Arc<ObjectGeometry>, shifts: Vec<Shift>) -> Self {
+        let places = Places::Translated(shifts);
+        Self { object, places }
     }
 
-    /// A set for instances with a matrix that does not move.
-    ///
-    /// # Errors
-    /// As above.
-    pub fn fixed(object: Arc<ObjectGeometry>, count: usize) -> Result<Self, TryReserveError> {
-        let mut records = Vec::new();
-        records.try_reserve_exact(count)?;
+    /// Instances with a matrix that does not move: records by [`Record::fixed`].
+    pub fn fixed(object: Arc<ObjectGeometry>, records: Vec<Record>) -> Self {
         let places = Places::Fixed(records);
-        Ok(Self { object, places })
+        Self { object, places }
     }
 
-    /// A set for instances with matrices at keys: ascending times in [0, 1], the first 0 and the last 1.
-    ///
-    /// # Errors
-    /// As above.
+    /// Instances with matrices at keys, which are ascending times in [0, 1], the first 0 and the last 1:
+    /// records by [`Record::key`], all keys of an instance one after the other.
     pub fn moving(
         object: Arc<ObjectGeometry>,
-        key_times: &[f32],
-        count: usize,
-    ) -> Result<Self, TryReserveError> {
-        let mut records = Vec::new();
-        records.try_reserve_exact(count.saturating_mul(key_times.len()))?;
-        let places = Places::Moving {
-            key_times: key_times.into(),
-            records,
-        };
-        Ok(Self { object, places })
-    }
-
-    /// Adds an instance: `matrices` take target space (positions plus origin) to the world, one a key for
-    /// moving sets, else one. A translated set uses the translation only.
-    ///
-    /// # Panics
-    /// Another number of matrices than the set has keys.
-    pub fn push(&mut self, matrices: &[DAffine3], id: i32) {
-        assert_eq!(matrices.len(), self.key_times().map_or(1, <[f32]>::len));
-        let mesh_origin = self.object.mesh().origin;
-        let origin = |m: &DAffine3| m.transform_point3(mesh_origin);
-        let record = |m: &DAffine3, linear: &DMat3| Record {
-            origin: origin(m),
-            linear: linear.to_cols_array().map(|x| x as f32),
-            id,
-        };
-        match &mut self.places {
-            Places::Translated(shifts) => shifts.push(Shift {
-                origin: matrices[0].translation + mesh_origin,
-                id,
-            }),
-            Places::Fixed(records) => {
-                records.push(record(&matrices[0], &matrices[0].matrix3.inverse()));
-            }
-            Places::Moving { records, .. } => {
-                records.extend(matrices.iter().map(|m| record(m, &m.matrix3)));
-            }
-        }
+        key_times: Box<[f32]>,
+        records: Vec<Record>,
+    ) -> Self {
+        let places = Places::Moving { key_times, records };
+        Self { object, places }
     }
 
     /// What appears.
@@ -144,7 +126,7 @@ impl InstanceSet {
         match &self.places {
             Places::Translated(shifts) => shifts.len(),
             Places::Fixed(records) => records.len(),
-            Places::Moving { key_times, records } => records.len() / key_times.len(),
+            Places::Moving { key_times, records } => records.len() / key_times.len().max(1),
         }
     }
 

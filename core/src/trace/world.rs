@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::instance::{Bounded, INSTANCE_PAD, InstanceTransform, NEAR_CONDITION};
 use super::object_ray::{ObjectRay, SLAB_PAD};
-use super::places::InstanceSet;
+use super::places::{InstanceSet, Record, Shift};
 use super::traverse::{Query, Stack, trace_object, walk};
 use super::{Hit, Ray, TraceCounts};
 use crate::bvh::build::{Item, build_items};
@@ -102,25 +102,23 @@ impl World {
     /// No memory.
     pub fn build(instances: Vec<WorldInstance>, world_origin: DVec3) -> World {
         let set = |i: WorldInstance| {
-            let mut set = match &i.transform {
-                InstanceTransform::Moving { key_times, .. } if key_times.len() > 1 => {
-                    InstanceSet::moving(i.object, key_times, 1)
-                }
-                InstanceTransform::Translation(_) => InstanceSet::translated(i.object, 1),
-                _ => InstanceSet::fixed(i.object, 1),
-            }
-            .expect("memory for one instance");
-            let keys = set.key_times().map_or(1, <[f32]>::len);
-            match i.transform {
+            let origin = i.object.mesh().origin;
+            let set = match i.transform {
                 InstanceTransform::Translation(by) => {
-                    set.push(&[DAffine3::from_translation(by)], 0);
+                    InstanceSet::translated(i.object, vec![Shift::new(by, origin, 0)])
                 }
-                InstanceTransform::Static(m) => set.push(&[m], 0),
-                InstanceTransform::Moving { mut matrices, .. } => {
-                    matrices.resize(keys, DAffine3::NAN);
-                    set.push(&matrices, 0);
+                InstanceTransform::Static(m) => {
+                    InstanceSet::fixed(i.object, vec![Record::fixed(&m, origin, 0)])
                 }
-            }
+                InstanceTransform::Moving {
+                    key_times,
+                    mut matrices,
+                } => {
+                    matrices.resize(key_times.len(), DAffine3::NAN);
+                    let keys = matrices.iter().map(|m| Record::key(m, origin, 0)).collect();
+                    InstanceSet::moving(i.object, key_times.into(), keys)
+                }
+            };
             WorldSet {
                 set: Arc::new(set),
                 user: i.user,

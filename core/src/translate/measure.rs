@@ -5,6 +5,7 @@ use glam::{DAffine3, DVec3, Vec3};
 
 use crate::camera::Camera;
 use crate::dice::RasterView;
+use crate::dice::metric::OFF_SCREEN;
 
 /// Farthest that a chord of a path may be from the path, in pixels: well below what a pixel filter
 /// can show.
@@ -73,6 +74,23 @@ pub fn pixels_per_unit(view: &RasterView, matrix: &DAffine3, bounds: &ObjectBoun
         .max(f64::from(view.near))
         .max(radius * 0.05);
     pixels * scale / depth
+}
+
+/// Pixels per object-space unit of one of many instances. Those outside of the image must not decide
+/// how finely all are diced: they count less, and by their distance rather than their depth.
+pub fn instance_pixels(view: &RasterView, matrix: &DAffine3, bounds: &ObjectBounds) -> f64 {
+    let centre = view
+        .world_to_camera
+        .transform_point3(matrix.transform_point3(bounds.centre()));
+    let scale = largest_scale(matrix);
+    if view.may_show(centre, bounds.radius() * scale) {
+        return pixels_per_unit(view, matrix, bounds);
+    }
+    let pixels = f64::from(view.scale.max_element()) * scale * f64::from(OFF_SCREEN);
+    match view.orthographic {
+        true => pixels,
+        false => pixels / centre.length().max(f64::from(view.near)),
+    }
 }
 
 /// Longest axis of a matrix: no direction is stretched by more than sqrt(3) times this.

@@ -6,10 +6,10 @@
 
 use glam::Vec3;
 
-use super::points::{Bends, PointKeys, point_keys};
+pub use super::points::{Bends, PointKeys, point_keys};
 use crate::diagnostics::{Code, Warning};
 use crate::motion::Shutter;
-use crate::motion::rates::usable;
+pub use crate::motion::rates::{LARGEST_COORDINATE, usable};
 use crate::scene::MeshDesc;
 use crate::surface::{Crease, MeshTopology};
 

@@ -17,8 +17,7 @@ use crate::camera::Camera;
 use crate::grid::locate_key;
 use crate::motion::rates::LARGEST_COORDINATE;
 use crate::motion::transform::{keys_within, lerp};
-use crate::motion::{Hierarchy, PointPath, Shutter, Timeline, TransformError, keys};
-use crate::scene::InstancesDesc;
+use crate::motion::{PointPath, TransformError, keys};
 
 /// Points probed for the curvature of a deforming prim's path, at most.
 const PROBES: usize = 4096;
@@ -42,47 +41,20 @@ pub enum RouteError {
     TooLarge,
 }
 
-/// A matrix path of one instance: matrices at key times, straight between.
-#[derive(Clone, Debug, PartialEq)]
-pub struct MatrixPath {
-    /// In [0, 1]; `[0]` when fixed.
-    pub key_times: Vec<f64>,
-    /// Object to world at each.
-    pub matrices: Vec<DAffine3>,
-}
-
-impl MatrixPath {
-    /// The matrix at `time`.
-    pub fn at(&self, time: f64) -> DAffine3 {
-        let last = self.key_times.len() - 1;
-        let next = self
-            .key_times
-            .partition_point(|&t| t <= time)
-            .clamp(1.min(last), last);
-        let first = next.saturating_sub(1);
-        let span = self.key_times[next] - self.key_times[first];
-        if span <= 0.0 {
-            return self.matrices[first];
-        }
-        let f = ((time - self.key_times[first]) / span).clamp(0.0, 1.0);
-        lerp(&self.matrices[first], &self.matrices[next], f)
-    }
-
-    /// True when rays can be carried into object space at every time of the shutter.
-    pub fn is_invertible(&self) -> bool {
-        let sound = |m: &DAffine3| {
-            let inverse = m.matrix3.inverse();
-            let largest =
-                |m: &glam::DMat3| m.to_cols_array().iter().fold(0.0f64, |a, x| a.max(x.abs()));
-            let condition = largest(&m.matrix3) * largest(&inverse);
-            inverse.is_finite() && condition < LARGEST_CONDITION
-        };
-        self.matrices.iter().all(sound)
-            && self
-                .matrices
-                .windows(2)
-                .all(|w| stays_invertible(&w[0], &w[1], 0))
-    }
+/// True when rays can be carried into object space at every time, along a path that goes straight from
+/// each of `matrices` to the next.
+pub fn is_invertible(matrices: &[DAffine3]) -> bool {
+    let sound = |m: &DAffine3| {
+        let inverse = m.matrix3.inverse();
+        let largest =
+            |m: &glam::DMat3| m.to_cols_array().iter().fold(0.0f64, |a, x| a.max(x.abs()));
+        let condition = largest(&m.matrix3) * largest(&inverse);
+        inverse.is_finite() && condition < LARGEST_CONDITION
+    };
+    matrices.iter().all(sound)
+        && matrices
+            .windows(2)
+            .all(|w| stays_invertible(&w[0], &w[1], 0))
 }
 
 fn stays_invertible(a: &DAffine3, b: &DAffine3, depth: u32) -> bool {
@@ -170,107 +142,25 @@ pub fn flatten(
     Ok(PointPath::new(&points.times, key_times, &matrices, origin))
 }
 
-/// Matrix paths of all instances: instance matrix times the prim's own transform. Constant paths have
-/// one key. `None` in the place of an instance whose matrix is not finite.
-pub fn instance_paths(
-    instances: &InstancesDesc,
-    prim: &Hierarchy,
-    shutter: Shutter,
-) -> Result<Vec<Option<MatrixPath>>, RouteError> {
-    let n = instances.instance_count;
-    let samples = instances.matrices.len().checked_div(n).unwrap_or(0);
-    let samples = samples.min(instances.times.len());
-    let timeline =
-        Timeline::new(&instances.times[..samples], shutter).ok_or(TransformError::NoSamples)?;
-    let own_keys = timeline.key_times(shutter.is_still());
-    let mut key_times = keys::union([own_keys.as_slice(), prim.key_times().as_slice()]);
-    if own_keys.len() > 1 && prim.is_moving() {
-        // Two moving matrices multiply to a curve: eight chords a segment.
-        let ends = key_times.clone();
-        for w in ends.windows(2) {
-            key_times.extend((1..8).map(|i| w[0] + (w[1] - w[0]) * f64::from(i) / 8.0));
-        }
-        keys::merge_close(&mut key_times);
-    }
-    let prim_at: Vec<DAffine3> = key_times.iter().map(|&t| prim.matrix(t)).collect();
-    let blends: Vec<keys::Blend> = key_times.iter().map(|&t| timeline.blend(t)).collect();
-    let finite = |m: &DAffine3| m.to_cols_array().iter().all(|x| x.abs() < 1.0e18);
-    let path = |i: usize| {
-        let sample = |s: usize| DAffine3::from_mat4(instances.matrices[s * n + i]);
-        let mut matrices: Vec<DAffine3> = blends
-            .iter()
-            .zip(&prim_at)
-            .map(|(b, prim)| lerp(&sample(b.a), &sample(b.b), b.f) * *prim)
-            .collect();
-        if !matrices.iter().all(finite) {
-            return None;
-        }
-        if matrices.windows(2).all(|w| w[0] == w[1]) {
-            matrices.truncate(1);
-            return Some(MatrixPath {
-                key_times: vec![0.0],
-                matrices,
-            });
-        }
-        Some(MatrixPath {
-            key_times: key_times.clone(),
-            matrices,
-        })
-    };
-    Ok((0..n).map(path).collect())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use glam::DMat4;
 
-    fn path(a: DMat4, b: DMat4) -> MatrixPath {
-        MatrixPath {
-            key_times: vec![0.0, 1.0],
-            matrices: vec![DAffine3::from_mat4(a), DAffine3::from_mat4(b)],
-        }
+    fn invertible(a: DMat4, b: DMat4) -> bool {
+        is_invertible(&[DAffine3::from_mat4(a), DAffine3::from_mat4(b)])
     }
 
     #[test]
     fn half_turns_and_scales_through_zero_are_not_invertible() {
         let turn = |a: f64| DMat4::from_rotation_z(a);
-        assert!(path(turn(0.0), turn(1.0)).is_invertible());
-        assert!(path(turn(0.0), turn(2.5)).is_invertible());
-        assert!(!path(turn(0.0), turn(std::f64::consts::PI)).is_invertible());
+        assert!(invertible(turn(0.0), turn(1.0)));
+        assert!(invertible(turn(0.0), turn(2.5)));
+        assert!(!invertible(turn(0.0), turn(std::f64::consts::PI)));
         let scale = |s: f64| DMat4::from_scale(DVec3::new(s, 1.0, 1.0));
-        assert!(path(scale(1.0), scale(3.0)).is_invertible());
-        assert!(!path(scale(1.0), scale(-1.0)).is_invertible());
-        assert!(!path(scale(1.0), scale(0.0)).is_invertible());
-        assert!(!path(scale(0.0), scale(0.0)).is_invertible());
-    }
-
-    #[test]
-    fn instances_are_over_the_prims_transform() {
-        let shutter = Shutter {
-            open: 0.0,
-            close: 1.0,
-        };
-        let prim = Hierarchy::new(
-            &[crate::scene::TransformSamples {
-                times: vec![0.0],
-                matrices: vec![DMat4::from_scale(DVec3::splat(2.0))],
-            }],
-            shutter,
-        )
-        .unwrap();
-        let shift = |x: f64| DMat4::from_translation(DVec3::new(x, 0.0, 0.0));
-        let instances = InstancesDesc {
-            times: vec![0.0, 1.0],
-            matrices: vec![shift(1.0), shift(5.0), shift(1.0), shift(7.0)],
-            instance_count: 2,
-            ids: vec![],
-        };
-        let paths = instance_paths(&instances, &prim, shutter).unwrap();
-        let (a, b) = (paths[0].as_ref().unwrap(), paths[1].as_ref().unwrap());
-        assert_eq!(a.matrices.len(), 1);
-        assert_eq!(b.key_times, vec![0.0, 1.0]);
-        let at = b.at(0.5).transform_point3(DVec3::X);
-        assert!((at - DVec3::new(8.0, 0.0, 0.0)).length() < 1e-12);
+        assert!(invertible(scale(1.0), scale(3.0)));
+        assert!(!invertible(scale(1.0), scale(-1.0)));
+        assert!(!invertible(scale(1.0), scale(0.0)));
+        assert!(!invertible(scale(0.0), scale(0.0)));
     }
 }

@@ -1,193 +1,221 @@
-"""Where copies of a subtree go: native instances and point instancers, nested at will.
+"""Reads instances as raw arrays: point instancers as authored, and matrices of native instances.
 
-A placement says for any time in the shutter where each copy is: (count, 4, 4) matrices that take
-the space above the copied subtree to the world. Placements multiply: an instancer inside a
-prototype of another has one copy for every pair. The renderer gets the result as samples with the
-same keys for all instances, added where paths bend (see transforms.curve_keys).
+What comes of them is the renderer's to say: it interpolates samples or moves one on by rates, joins
+positions, orientations and scales, and multiplies what is nested. Here USD's values become arrays,
+and ids become a mask.
 """
+
+from dataclasses import dataclass, field
 
 import numpy as np
 from pxr import Usd, UsdGeom
 
+from .guard import FAULTS, warn_unreadable
 from .log import SceneLog
-from .shutter import Shutter, bracketing_samples
+from .points import Samples, moving_sample
+from .shutter import Shutter, bracketing_samples, samples_around
 from .transforms import Level, compose, curve_keys
 
 
-class Placement:
-    """Copies; `times` are the relative times at which keys are needed for sure."""
+@dataclass
+class Instances:
+    """The arrays of one instancer, as trz_instancer has them; empty ones are not there."""
 
-    def __init__(self, count: int, ids: np.ndarray, times: set[float]):
-        self.count = count
-        self.ids = ids
-        self.times = times
-        self._samples = {}
+    count: int = 0
+    prototype_count: int = 0
+    prototypes: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int32))
+    mask: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.uint8))
+    positions: Samples = field(default_factory=Samples)
+    orientations: Samples = field(default_factory=Samples)
+    scales: Samples = field(default_factory=Samples)
+    matrices: Samples = field(default_factory=Samples)
+    velocities: Samples = field(default_factory=Samples)
+    accelerations: Samples = field(default_factory=Samples)
+    angular_velocities: Samples = field(default_factory=Samples)
+    time_codes_per_second: float = 0.0
+    varies: bool = False
 
-    def at(self, time: float) -> np.ndarray:
-        """Matrices of all copies at `time`, (count, 4, 4)."""
-        raise NotImplementedError
-
-    def samples(self, shutter: Shutter) -> tuple[np.ndarray, np.ndarray]:
-        """Key times (n,) and matrices (n, count, 4, 4); computed once a shutter."""
-        if shutter not in self._samples:
-            times = {shutter.open}
-            if self.times:
-                times |= {shutter.close, *self.times}
-            self._samples[shutter] = curve_keys(sorted(times), self.at)
-        return self._samples[shutter]
-
-
-def _moving_times(levels: list[Level]) -> set[float]:
-    return {float(t) for level in levels if not level.static for t in level.times}
-
-
-class NativeInstances(Placement):
-    """The instances of one prototype: levels from each instance up, then the outer placement."""
-
-    def __init__(self, levels: list[list[Level]], outer: Placement | None):
-        self._levels = levels
-        self._outer = outer
-        outer_count = outer.count if outer else 1
-        times = set().union(*(_moving_times(one) for one in levels))
-        if outer:
-            times |= outer.times
-        count = len(levels) * outer_count
-        super().__init__(count, np.arange(count, dtype=np.int32), times)
-
-    def at(self, time):
-        inner = np.stack([compose(levels, time) for levels in self._levels])
-        if self._outer is None:
-            return inner
-        return np.matmul(inner[:, None], self._outer.at(time)[None]).reshape(-1, 4, 4)
+    def used_prototypes(self) -> np.ndarray:
+        """Numbers of the prototypes that have instances which are there, ascending."""
+        indices = self.prototypes
+        if len(self.mask) == len(indices):
+            indices = indices[self.mask != 0]
+        indices = indices[(indices >= 0) & (indices < self.prototype_count)]
+        return np.flatnonzero(np.bincount(indices, minlength=1)) if len(indices) else indices
 
 
-class PointInstances(Placement):
-    """The instances of one prototype of a PointInstancer."""
-
-    def __init__(
-        self,
-        instancer: "InstancerReader",
-        chosen: np.ndarray,
-        levels: list[Level],
-        outer: Placement | None,
-    ):
-        self._instancer = instancer
-        self._chosen = chosen
-        self._levels = levels
-        self._outer = outer
-        times = instancer.times | _moving_times(levels)
-        ids = chosen.astype(np.int32)
-        if outer:
-            times |= outer.times
-            if outer.count > 1:
-                ids = np.arange(len(chosen) * outer.count, dtype=np.int32)
-        super().__init__(len(chosen) * (outer.count if outer else 1), ids, times)
-
-    def at(self, time):
-        inner = self._instancer.at(time)[self._chosen] @ compose(self._levels, time)
-        if self._outer is None:
-            return inner
-        return np.matmul(inner[:, None], self._outer.at(time)[None]).reshape(-1, 4, 4)
+# Point instancers ---------------------------------------------------------------------------------
 
 
-class InstancerReader:
-    """Reads one PointInstancer for one frame; USD computes the transforms at any time."""
-
-    def __init__(self, instancer: UsdGeom.PointInstancer, shutter: Shutter, log: SceneLog):
-        self._instancer = instancer
-        self._shutter = shutter
-        self._cache: dict[float, np.ndarray] = {}
-        self.path = instancer.GetPath()
-        self.indices = np.zeros(0, dtype=np.int32)
-        self.times: set[float] = set()
-        rates = (instancer.GetVelocitiesAttr(), instancer.GetAngularVelocitiesAttr())
-        self._has_rates = any(rate.HasAuthoredValue() for rate in rates)
-        self._read(log)
-
-    def _read(self, log: SceneLog) -> None:
-        instancer, shutter = self._instancer, self._shutter
-        indices = instancer.GetProtoIndicesAttr().Get(shutter.time)
-        positions = instancer.GetPositionsAttr().Get(shutter.time)
-        if indices is None or positions is None or len(indices) == 0:
-            return
-        if len(indices) != len(positions):
-            log.warn(
-                self.path,
-                "topology",
-                f"{len(indices)} protoIndices but {len(positions)} positions: not rendered",
-            )
-            return
-        self.indices = np.array(indices, dtype=np.int32)
-        moving = (
-            instancer.GetPositionsAttr(),
-            instancer.GetOrientationsAttr(),
-            instancer.GetOrientationsfAttr(),
-            instancer.GetScalesAttr(),
-        )
-        for attribute in moving:
-            samples = bracketing_samples(attribute, shutter)
-            if samples:
-                self.times.update(shutter.keys(samples))
-        if shutter.moves and self._has_rates:
-            self.times.update((shutter.open, shutter.close))
+def read_point_instancer(
+    instancer: UsdGeom.PointInstancer, prototype_count: int, shutter: Shutter, log: SceneLog
+) -> Instances:
+    """The arrays of a PointInstancer at a frame; without instances where it has none."""
+    path = instancer.GetPath()
+    indices = instancer.GetProtoIndicesAttr()
+    rates = {
+        "velocities": instancer.GetVelocitiesAttr(),
+        "accelerations": instancer.GetAccelerationsAttr(),
+        "angular_velocities": instancer.GetAngularVelocitiesAttr(),
+    }
+    orientations = instancer.GetOrientationsfAttr()
+    if not orientations.HasAuthoredValue():
+        orientations = instancer.GetOrientationsAttr()
+    moved = {
+        "positions": (instancer.GetPositionsAttr(), 3),
+        "orientations": (orientations, 4),
+        "scales": (instancer.GetScalesAttr(), 3),
+    }
+    chosen = (instancer.GetIdsAttr(), instancer.GetInvisibleIdsAttr(), indices)
+    attributes = [*rates.values(), *(attribute for attribute, _ in moved.values()), *chosen]
+    instances = Instances(
+        prototype_count=prototype_count,
+        varies=any(attribute.ValueMightBeTimeVarying() for attribute in attributes),
+        time_codes_per_second=instancer.GetPrim().GetStage().GetTimeCodesPerSecond(),
+    )
+    value = indices.Get(shutter.time)
+    if value is None or not len(value):
+        return instances
+    instances.prototypes = _integers(value, np.int32)
+    if instancer.GetPositionsAttr().Get(shutter.time) is None:
+        log.warn(path, "topology", "it has no positions; it is not rendered")
+        return instances
+    instances.count = len(instances.prototypes)
+    instances.mask = _mask(instancer, instances.count, shutter)
+    has_rates = _read_rates(instances, rates, shutter, path, log)
+    still = _changes_ids(instancer, shutter) and not has_rates
+    if still:
+        text = "its instances change within the shutter and have no velocities: they do not move"
+        log.warn(path, "time-samples", text)
+    for name, (attribute, width) in moved.items():
         try:
-            first = self.at(shutter.open)
-            if any(len(self.at(time)) != len(first) for time in sorted(self.times)):
-                raise ValueError("their number changes within the shutter")
-        except (ValueError, RuntimeError) as error:
-            self.times.clear()
-            self._cache.clear()
-            try:
-                first = self._compute(shutter.time)
-                if len(first) != len(self.indices):
-                    raise ValueError(str(error))
-                self._cache = _Same(first)
-                log.warn(self.path, "time-samples", f"the instances do not move: {error}")
-            except (ValueError, RuntimeError):
-                self.indices = self.indices[:0]
-                log.warn(
-                    self.path,
-                    "topology",
-                    "positions, orientations and scales do not fit together; it is not rendered",
-                )
-
-    def at(self, time: float) -> np.ndarray:
-        """Matrices of all instances in the instancer's space, prototype's own excluded."""
-        if time not in self._cache:
-            self._cache[time] = self._compute(self._shutter.code(time))
-        return self._cache[time]
-
-    def _compute(self, time: Usd.TimeCode) -> np.ndarray:
-        # With velocities USD moves the frame's samples along them; without, it interpolates.
-        base = self._shutter.time if self._has_rates else time
-        matrices = self._instancer.ComputeInstanceTransformsAtTimes(
-            [time],
-            base,
-            UsdGeom.PointInstancer.ExcludeProtoXform,
-            UsdGeom.PointInstancer.IgnoreMask,
-        )[0]
-        found = np.array(matrices, dtype=np.float64).reshape(-1, 4, 4)
-        if len(found) != len(self.indices):
-            raise ValueError(f"{len(found)} transforms for {len(self.indices)} instances")
-        return found
-
-    def visible(self) -> np.ndarray:
-        """Which instances are neither invisible nor inactive."""
-        mask = self._instancer.ComputeMaskAtTime(self._shutter.time)
-        if len(mask) != len(self.indices):
-            return np.ones(len(self.indices), dtype=bool)
-        return np.array(mask, dtype=bool)
+            samples = _samples(attribute, width, shutter, has_rates, still)
+        except FAULTS as error:
+            warn_unreadable(log, path, error, f"its {name} are ignored")
+            continue
+        setattr(instances, name, samples)
+    return instances
 
 
-class _Same(dict):
-    """A cache that has one answer for every time."""
+def _samples(
+    attribute: Usd.Attribute, width: int, shutter: Shutter, has_rates: bool, still: bool
+) -> Samples:
+    """Samples around the shutter, and around the frame where rates may move one of them."""
+    times = samples_around(attribute, shutter) if has_rates else None
+    if not times and not still:
+        times = bracketing_samples(attribute, shutter)
+    if times:
+        arrays = [_floats(attribute.Get(Usd.TimeCode(time)), width) for time in times]
+        return Samples([time - shutter.frame for time in times], arrays)
+    time = shutter.time if still else shutter.code(shutter.open)
+    array = _floats(attribute.Get(time), width)
+    return Samples([shutter.open], [array]) if len(array) else Samples()
 
-    def __init__(self, value):
-        super().__init__()
-        self._value = value
 
-    def __contains__(self, key):
-        return True
+def _read_rates(instances: Instances, rates: dict, shutter: Shutter, path, log: SceneLog) -> bool:
+    """Reads velocities and the like; True where there are any that may count."""
+    found = False
+    for name, attribute in rates.items():
+        if not attribute.HasAuthoredValue():
+            continue
+        try:
+            times = samples_around(attribute, shutter)
+            if not times:
+                if shutter.moves:
+                    text = f"its {attribute.GetName()} are ignored: they have no time samples"
+                    log.warn(path, "velocities", text)
+                continue
+            # Only the sample at or before the frame has values, for no other is used.
+            arrays = [_floats(None, 3)] * len(times)
+            base = moving_sample(times, shutter)
+            arrays[base] = _floats(attribute.Get(Usd.TimeCode(times[base])), 3)
+        except FAULTS as error:
+            warn_unreadable(log, path, error, f"its {attribute.GetName()} are ignored")
+            continue
+        setattr(instances, name, Samples([time - shutter.frame for time in times], arrays))
+        found = found or (name != "accelerations" and arrays[base].size > 0)
+    return found
 
-    def __getitem__(self, key):
-        return self._value
+
+def _mask(instancer: UsdGeom.PointInstancer, count: int, shutter: Shutter) -> np.ndarray:
+    """1 for instances whose ids are neither invisible nor inactive; empty where all are there."""
+    inactive = instancer.GetPrim().GetMetadata("inactiveIds")
+    invisible = instancer.GetInvisibleIdsAttr().Get(shutter.time)
+    masked = [list(inactive.explicitItems) if inactive else []]
+    masked.append([] if invisible is None else _integers(invisible, np.int64))
+    masked = np.concatenate([np.asarray(ids, dtype=np.int64) for ids in masked])
+    if not len(masked):
+        return np.zeros(0, dtype=np.uint8)
+    ids = instancer.GetIdsAttr().Get(shutter.time)
+    ids = np.arange(count) if ids is None else _integers(ids, np.int64)
+    mask = ~np.isin(ids, masked)
+    return np.zeros(0, dtype=np.uint8) if mask.all() else mask.astype(np.uint8)
+
+
+def _changes_ids(instancer: UsdGeom.PointInstancer, shutter: Shutter) -> bool:
+    """Whether samples within the shutter are of other instances than the frame's."""
+    ids = instancer.GetIdsAttr()
+    times = bracketing_samples(instancer.GetPositionsAttr(), shutter)
+    if not times or not ids.ValueMightBeTimeVarying():
+        return False
+    frame = ids.Get(shutter.time)
+    return any(ids.Get(Usd.TimeCode(time)) != frame for time in times)
+
+
+def _floats(value, width: int) -> np.ndarray:
+    if value is None:
+        return np.zeros((0, width), dtype=np.float32)
+    array = np.ascontiguousarray(value, dtype=np.float32)
+    if array.size and (array.ndim != 2 or array.shape[1] != width):
+        raise ValueError(f"not an array of {width} numbers each")
+    return array.reshape(-1, width)
+
+
+def _integers(value, dtype) -> np.ndarray:
+    array = np.ascontiguousarray(value, dtype=dtype)
+    if array.ndim != 1:
+        raise ValueError("not an array of numbers")
+    return array
+
+
+# Native instances ---------------------------------------------------------------------------------
+
+
+def native_instances(
+    levels: dict[int, list[Level]], count: int, prototypes: np.ndarray, shutter: Shutter
+) -> Instances:
+    """Instances with a matrix each: what `levels` by number multiply to; other numbers are masked.
+
+    All get the same keys: those of the levels that move, and more where a product bends.
+    """
+    numbers = np.fromiter(levels, dtype=np.int64, count=len(levels))
+    still = np.zeros((count, 4, 4))
+    still[:] = np.eye(4)
+    moving = {}
+    for number, own in levels.items():
+        if all(level.static for level in own):
+            still[number] = compose(own, 0.0)
+        else:
+            moving[number] = own
+
+    def evaluate(time):
+        matrices = still.copy() if moving else still
+        for number, own in moving.items():
+            matrices[number] = compose(own, time)
+        return matrices
+
+    times = {float(t) for own in moving.values() for level in own for t in level.times}
+    if times:
+        times |= {shutter.open, shutter.close}
+        times, matrices = curve_keys(sorted(times), evaluate)
+    else:
+        times, matrices = [shutter.open], still[None]
+    mask = np.zeros(count, dtype=np.uint8)
+    mask[numbers] = 1
+    return Instances(
+        count=count,
+        prototypes=prototypes,
+        mask=np.zeros(0, dtype=np.uint8) if mask.all() else mask,
+        matrices=Samples(list(times), list(matrices)),
+        varies=True,
+    )

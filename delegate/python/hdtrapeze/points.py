@@ -80,7 +80,7 @@ def _with_velocities(
         return None
     if not any(array.size for array in speeds.arrays):
         return None
-    base = _moving_sample(times, shutter)
+    base = moving_sample(times, shutter)
     held = prim.GetStage().GetInterpolationType() == Usd.InterpolationTypeHeld
     if held or (topology_varies and changes_topology(prim, times, shutter)):
         # Where velocities do not move it, the sample must not be joined with another.
@@ -97,12 +97,12 @@ def _rates(attribute: Usd.Attribute, shutter: Shutter) -> Samples:
     times = samples_around(attribute, shutter)
     arrays = [_array(None)] * len(times)
     if times:
-        base = _moving_sample(times, shutter)
+        base = moving_sample(times, shutter)
         arrays[base] = _array(attribute.Get(Usd.TimeCode(times[base])))
     return Samples([time - shutter.frame for time in times], arrays)
 
 
-def _moving_sample(times: list[float], shutter: Shutter) -> int:
+def moving_sample(times: list[float], shutter: Shutter) -> int:
     """Number of the last of `times` at or before the frame, or of the first."""
     return max((i for i, time in enumerate(times) if time <= shutter.frame), default=0)
 

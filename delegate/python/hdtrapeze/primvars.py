@@ -68,18 +68,6 @@ def _attributes(mesh: UsdGeom.Gprim):
             yield "widths", wide.GetWidthsAttr(), wide.GetWidthsInterpolation()
 
 
-def inherited_from(mesh: UsdGeom.Gprim) -> tuple[str, ...]:
-    """Paths of the primvars that the prim gets from above; instances may differ in them."""
-    api = UsdGeom.PrimvarsAPI(mesh)
-    own = mesh.GetPath()
-    sources = []
-    for name in WIDTHS:
-        attribute = api.FindPrimvarWithInheritance(name).GetAttr()
-        if attribute and attribute.GetPrim().GetPath() != own:
-            sources.append(str(attribute.GetPath()))
-    return tuple(sources)
-
-
 def _make(mesh, name, value, interpolation, indices, varies, log) -> Primvar | None:
     if value is None:
         return None

@@ -1,22 +1,25 @@
 """Keeps a session's prims in step with a stage: walks it and sends what is new or has changed.
 
-The walk follows USD's rules: invisible subtrees are left out, purposes are inherited, native
-instances of one prototype become one mesh with many places, point instancers place the subtrees
-of their prototypes. For the next frame only what may vary in time is read and sent again; after
-an edit of the stage, everything.
+The walk follows USD's rules: invisible subtrees are left out, purposes are inherited. What point
+instancers and native instances place is walked once a prototype, and is part of an instancer of
+the session. In native instances only what differs between them (what they inherit, skeletons, what
+a render pass says) is looked at in each, and prims that it concerns are split. For the next frame
+only what may vary in time is read and sent again; after an edit of the stage, everything.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from pxr import Tf, Usd, UsdGeom, UsdLux, UsdShade, UsdSkel
 
 from .guard import FAULTS, warn_unreadable
-from .instances import InstancerReader, NativeInstances, Placement, PointInstances
+from .inherited import Inherited, digest
+from .instances import read_point_instancer
 from .log import SceneLog
 from .motion import Motion, MotionReader, Timing
 from .passes import PassCollections
-from .primvars import WIDTHS, inherited_from, read_primvars
+from .places import NONE, Natives, Place, PointInstancer, PointPart
+from .primvars import WIDTHS, read_primvars
 from .session import Session
 from .shapes import Shape, find_reader
 from .shutter import Shutter
@@ -34,20 +37,23 @@ class _Sent:
     primvars_vary: bool = True
     primvars: set[str] = field(default_factory=set)
     levels: list[Level] | None = None
-    instances: tuple | None = None
+    part: tuple[int, int] = NONE
     matte: bool = False
     motion: Motion = field(default_factory=Motion)
     double_sided: bool = False
 
 
-@dataclass(frozen=True)
-class _Place:
-    """Where the walk is: copies, the subtree's top (its transform included), and a key's prefix."""
+@dataclass
+class _SentInstancer:
+    """What the session has of one instancer."""
 
-    placement: Placement | None = None
-    top: Usd.Prim | None = None
-    prefix: str = ""
-    instancers: tuple = ()
+    instancer: int
+    levels: list[Level] | None = None
+    part: tuple[int, int] = NONE
+    motion: Motion = field(default_factory=Motion)
+    prototypes: list[int] = field(default_factory=list)
+    """Those that have instances."""
+    varies: bool = True
 
 
 class SceneSync:
@@ -67,6 +73,8 @@ class SceneSync:
         self._draw_modes = draw_modes
         self._pass = collections if collections and collections.has_any else None
         self._sent: dict[str, _Sent] = {}
+        self._instancers: dict[str, _SentInstancer] = {}
+        self._native_numbers: dict[str, dict[str, int]] = {}
         self._skinning = Skinning(log)
         self._stage: Usd.Stage | None = None
         self._notice = None
@@ -94,11 +102,14 @@ class SceneSync:
         self._motion = MotionReader(shutter, transforms, self._log)
         self._skinning.begin_frame(shutter, transforms)
         self._seen: set[str] = set()
+        self._inherited = Inherited(shutter)
         self.has_hidden = False
         self._ignored = {"lights": 0, "materials": 0}
-        self._walk(stage.GetPseudoRoot(), "default", _Place())
+        self._walk([(stage.GetPseudoRoot(), "default")], Place())
         for key in self._sent.keys() - self._seen:
             self._session.remove(self._sent.pop(key).prim)
+        for key in self._instancers.keys() - self._seen:
+            self._session.remove(self._instancers.pop(key).instancer)
         if any(self._ignored.values()):
             counts = " and ".join(f"{n} {what}" for what, n in self._ignored.items() if n)
             text = f"{counts} of the stage are not used yet: displayColor and the camera light are"
@@ -108,24 +119,27 @@ class SceneSync:
         for sent in self._sent.values():
             sent.shape = None
             sent.shape_varies = sent.primvars_vary = True
+        for sent in self._instancers.values():
+            sent.varies = True
         self._skinning.forget()
 
     # The walk ------------------------------------------------------------------------------------
 
-    def _walk(self, root: Usd.Prim, purpose: str, place: _Place) -> None:
-        """Emits the subtree of `root`; native instances in it are gathered and come last."""
-        groups: dict[tuple, list] = {}
+    def _walk(self, roots: list[tuple[Usd.Prim, str]], place: Place) -> None:
+        """Emits subtrees, each with the purpose that it inherits; native instances come last."""
+        groups: dict[tuple, list[Usd.Prim]] = {}
+        if not roots:
+            return
         predicate = Usd.PrimDefaultPredicate
-        if not predicate(root):
+        if not predicate(roots[0][0]):
             # Prototypes of point instancers may be classes, or below an `over`.
             predicate = Usd.PrimIsActive & Usd.PrimIsLoaded
         predicate = Usd.TraverseInstanceProxies(predicate)
-        self._skinning.enter(root, predicate)
-        stack = [(root, purpose, None)]
+        self._skinning.enter(roots[0][0], predicate)
+        stack = list(reversed(roots))
         while stack:
-            prim, purpose, instance = stack.pop()
-            if self._pass and self._pass.prunes(prim.GetPath(), place.instancers):
-                self.has_hidden = True
+            prim, purpose = stack.pop()
+            if self._pass and not place.natives and self._prunes(prim, place):
                 continue
             imageable = UsdGeom.Imageable(prim)
             if imageable:
@@ -137,33 +151,105 @@ class SceneSync:
                     purpose = imageable.GetPurposeAttr().Get()
                 try:
                     if prim.IsA(UsdSkel.Root):
-                        self._skinning.enter(prim, predicate)
-                    if self._visit(prim, purpose, instance, place, groups):
+                        self._enter_skeletons(prim, place, predicate)
+                    if self._visit(prim, purpose, place, groups):
                         continue
                 except FAULTS as error:
                     self._leave_out(prim, error)
             elif prim.IsA(UsdShade.Material):
                 self._ignored["materials"] += 1
                 continue
-            below = prim if prim.IsInstance() else instance
+            if prim.IsInstance() and place.natives:
+                place.natives.nested.append((prim, purpose))
+                continue
+            if prim.IsInstance():
+                key = (prim.GetPrototype().GetPath(), purpose, self._home(prim, place) is place)
+                groups.setdefault(key, []).append(prim)
+                continue
             children = prim.GetFilteredChildren(predicate)
-            stack += [(child, purpose, below) for child in reversed(children)]
-        for key, members in groups.items():
-            self._emit_group(key, members, place)
+            stack += [(child, purpose) for child in reversed(children)]
+        for (prototype, purpose, _), members in groups.items():
+            self._walk_natives(str(prototype), purpose, members, self._home(members[0], place))
 
-    def _visit(self, prim, purpose, instance, place, groups) -> bool:
+    def _home(self, prim: Usd.Prim, place: Place) -> Place:
+        """The place that a prim's levels end in, which may ignore native instances around it."""
+        while place.outer and self._transforms.resets_below(prim, place.below):
+            place = place.outer
+        return place
+
+    def _enter_skeletons(self, root: Usd.Prim, place: Place, predicate) -> None:
+        """Reads the bindings below a SkelRoot, in each of the native instances that it is in."""
+        self._skinning.enter(root, predicate)
+        if place.natives:
+            for proxy in self._proxies(root, place.natives).values():
+                self._skinning.enter(proxy, predicate)
+
+    def _proxies(self, prim: Usd.Prim, natives: Natives) -> dict[int, Usd.Prim]:
+        """What `prim`, which is in the first of native instances, is in each of them."""
+        first = natives.first
+        return {
+            number: self._in_instance(prim, first, member.GetPath())
+            for number, member in natives.members.items()
+        }
+
+    def _in_instance(self, prim: Usd.Prim, first: Usd.Prim, other) -> Usd.Prim:
+        """What `prim` in the instance `first` is in the instance at the path `other`."""
+        return self._stage.GetPrimAtPath(prim.GetPath().ReplacePrefix(first.GetPath(), other))
+
+    def _walk_natives(
+        self, prototype: str, purpose: str, members: list[Usd.Prim], place: Place
+    ) -> None:
+        """Emits native instances of one prototype."""
+        predicate = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
+        if len(members) == 1:
+            # It stands for itself.
+            children = members[0].GetFilteredChildren(predicate)
+            self._walk([(child, purpose) for child in children], place)
+            return
+        key = f"{place.prefix}<{prototype} {purpose}>"
+        # An instance that comes and goes keeps its number.
+        numbers = self._native_numbers.setdefault(key, {})
+        by_number = {numbers.setdefault(str(p.GetPath()), len(numbers)): p for p in members}
+        natives = Natives(self, place, key, by_number, len(numbers))
+        first = natives.first
+        inside = Place(natives.everything(), None, first, key, place.instancers, place)
+        # Each instance may be another where a skeleton or a render pass looks at it.
+        alike = not self._pass and not _has_skeletons(first, predicate)
+        what = {n: self._outside_of(p, None if alike else n) for n, p in by_number.items()}
+        if len(set(what.values())) > 1:
+            inside = replace(inside, natives=natives)
+        children = first.GetFilteredChildren(predicate)
+        self._walk([(child, purpose) for child in children], inside)
+        # Instances and instancers in them are walked once for all that are alike.
+        for number, kind, part in natives.classes(what) if natives.nested else ():
+            instance = by_number[number]
+            path = instance.GetPath()
+            paths = [
+                (p.GetPath().ReplacePrefix(first.GetPath(), path), o) for p, o in natives.nested
+            ]
+            roots = [(self._stage.GetPrimAtPath(path), own) for path, own in paths]
+            prefix = f"{key}#{digest(kind)}"
+            self._walk(roots, Place(part, None, instance, prefix, place.instancers, place))
+
+    def _outside_of(self, instance: Usd.Prim, number: int | None) -> tuple:
+        """What prims in a native instance may get from outside of it."""
+        return self._inherited.below(instance), self._motion.of(instance), number
+
+    def _visit(self, prim, purpose, place, groups) -> bool:
         """Emits one imageable prim; True where its children are not to be visited."""
         if self._draw_modes and prim.HasAPI(UsdGeom.ModelAPI):
             self._check_draw_mode(prim)
         if prim.IsA(UsdGeom.PointInstancer):
-            if purpose in self._purposes and self._shows(prim, place):
-                self._emit_instancer(UsdGeom.PointInstancer(prim), purpose, place)
+            if place.natives:
+                place.natives.nested.append((prim, purpose))
+            elif purpose in self._purposes and self._shows(prim, place):
+                self._walk_instancer(UsdGeom.PointInstancer(prim), purpose, place)
             return True
         if prim.HasAPI(UsdLux.LightAPI):
             self._ignored["lights"] += 1
         if not prim.IsA(UsdGeom.Gprim) or purpose not in self._purposes:
             return False
-        if not self._shows(prim, place):
+        if not place.natives and not self._shows(prim, place):
             return False
         if find_reader(prim) is None:
             self._log.warn(
@@ -171,23 +257,46 @@ class SceneSync:
             )
             self.has_hidden = True
             return False
-        if instance and not self._transforms.resets_below(prim, instance):
-            prototype = prim.GetPrimInPrototype().GetPath()
-            matte = self._is_matte(prim, place)
-            skinned = self._skinning.of(prim)
-            bound = skinned.shared_by(instance) if skinned else None
-            motion = self._motion.of(prim)
-            key = (prototype, inherited_from(UsdGeom.Gprim(prim)), matte, bound, motion)
-            groups.setdefault(key, []).append((prim, instance))
+        home = self._home(prim, place)
+        if home.natives:
+            self._emit_in_natives(prim, home)
         else:
-            levels = self._levels(prim, place.top)
-            self._emit(place.prefix + str(prim.GetPath()), prim, levels, place.placement, place)
+            levels = self._levels(prim, home.top, home.below)
+            self._emit(place.prefix + str(prim.GetPath()), prim, levels, home)
         return False
 
-    def _is_matte(self, prim: Usd.Prim, place: _Place) -> bool:
+    def _emit_in_natives(self, prim: Usd.Prim, place: Place) -> None:
+        """A prim in native instances that may differ: once for all of those that are alike."""
+        natives = place.natives
+        proxies = self._proxies(prim, natives)
+        kinds = {}
+        for number, proxy in proxies.items():
+            if self._pass and (self._prunes(proxy, place, True) or not self._shows(proxy, place)):
+                continue
+            skinned = self._skinning.of(proxy)
+            bound = skinned.shared_by(natives.members[number]) if skinned else None
+            matte = self._is_matte(proxy, place)
+            kinds[number] = (self._inherited.by(proxy), matte, bound, self._motion.of(proxy))
+        path = str(prim.GetPath().MakeRelativePath(natives.first.GetPath()))
+        for number, kind, part in natives.classes(kinds):
+            proxy, instance = proxies[number], natives.members[number]
+            levels = self._levels(proxy, below=instance)
+            key = f"{place.prefix}{path}#{digest(kind)}"
+            self._emit(key, proxy, levels, replace(place, part=part))
+
+    def _prunes(self, prim: Usd.Prim, place: Place, with_parents: bool = False) -> bool:
+        """Whether the render pass leaves the prim out with all below it."""
+        path = prim.GetPath()
+        pruned = self._pass.prunes(path, place.instancers)
+        if pruned or (with_parents and self._pass.prunes_with_parents(path)):
+            self.has_hidden = True
+            return True
+        return False
+
+    def _is_matte(self, prim: Usd.Prim, place: Place) -> bool:
         return bool(self._pass) and self._pass.is_matte(prim.GetPath(), place.instancers)
 
-    def _shows(self, prim: Usd.Prim, place: _Place) -> bool:
+    def _shows(self, prim: Usd.Prim, place: Place) -> bool:
         """Whether the render pass shows the prim's geometry."""
         if self._pass is None or self._pass.shows(prim.GetPath(), place.instancers):
             return True
@@ -211,51 +320,74 @@ class SceneSync:
         warn_unreadable(self._log, prim.GetPath(), error, "not rendered")
         self.has_hidden = True
 
-    def _emit_group(self, key, members, place: _Place) -> None:
-        """Meshes that share a prototype's prim: one mesh with many places, or simply one."""
-        prim, instance = members[0]
-        if len(members) == 1:
-            levels = self._levels(prim, place.top)
-            self._emit(place.prefix + str(prim.GetPath()), prim, levels, place.placement, place)
-            return
-        transforms = self._timing(prim).transforms
-        levels = [transforms.levels(inst, place.top) for _, inst in members]
-        placement = NativeInstances(levels, place.placement)
-        own = self._levels(prim, below=instance)
-        # Prototype paths may differ from one opening of a stage to the next, not within one.
-        self._emit(f"{place.prefix}{key}", prim, own, placement, place)
-
-    def _emit_instancer(self, instancer, purpose, place: _Place) -> None:
-        path = instancer.GetPath()
+    def _walk_instancer(self, instancer, purpose, place: Place) -> None:
+        """Emits the prototypes of a point instancer that have instances."""
+        prim, path = instancer.GetPrim(), instancer.GetPath()
         if path in place.instancers:
             self._log.warn(path, "instancer-loop", "it is among its own prototypes; left out there")
             return
         targets = instancer.GetPrototypesRel().GetForwardedTargets()
-        reader = InstancerReader(instancer, self._shutter, self._log)
-        if not len(reader.indices):
-            return
-        visible = reader.visible()
-        wrong = (reader.indices < 0) | (reader.indices >= len(targets))
-        if wrong.any():
-            count = f"{int(wrong.sum())} protoIndices"
-            text = f"{count} point at none of its {len(targets)} prototypes; left out"
-            self._log.warn(path, "topology", text)
-        levels = self._transforms.levels(instancer.GetPrim(), place.top)
-        for number, target in enumerate(targets):
-            chosen = np.flatnonzero((reader.indices == number) & visible)
-            if not len(chosen):
-                continue
+        point = PointInstancer(self, prim, self._home(prim, place), f"{place.prefix}{path}")
+        sent = self._instancers.get(point.key)
+        if sent and not sent.varies:
+            used = sent.prototypes
+        else:
+            shutter = self._timing(prim).shutter
+            point.arrays = read_point_instancer(instancer, len(targets), shutter, self._log)
+            used = point.arrays.used_prototypes()
+        for number in used:
+            target = targets[number]
             if self._pass and self._pass.prunes_with_parents(target):
                 continue
             prototype = self._stage.GetPrimAtPath(target)
             if not prototype:
                 self._log.warn(path, "prototype", f"its prototype {target} does not exist")
                 continue
-            placement = PointInstances(reader, chosen, levels, place.placement)
-            prefix = f"{place.prefix}{path}[{number}]"
-            self._walk(
-                prototype, purpose, _Place(placement, prototype, prefix, (*place.instancers, path))
-            )
+            part = PointPart(point, int(number))
+            inside = (part, prototype, None, f"{point.key}[{number}]", (*place.instancers, path))
+            self._walk([(prototype, purpose)], Place(*inside))
+
+    # Instancers ----------------------------------------------------------------------------------
+
+    def send_point_instancer(self, point: PointInstancer) -> int:
+        """The instancer of the session; gets what it does not have yet."""
+        motion = self._motion.of(point.prim)
+        sent = self._send_instancer(point.key, str(point.prim.GetPath()), point.place, motion)
+        if point.arrays is not None:
+            self._session.set_instances(sent.instancer, point.arrays)
+            sent.prototypes = [int(number) for number in point.arrays.used_prototypes()]
+            sent.varies = point.arrays.varies
+        transforms = self._timing(point.prim).transforms
+        levels = transforms.levels(point.prim, point.place.top, point.place.below)
+        if sent.levels is None or not _same_levels(sent.levels, levels):
+            self._session.set_transform(sent.instancer, levels)
+            sent.levels = levels
+        return sent.instancer
+
+    def send_natives(self, natives: Natives, key: str, partition, motion: Motion) -> int:
+        """The instancer of the session for native instances; sent once a frame."""
+        known = key in self._seen
+        path = str(natives.first.GetPath())
+        sent = self._send_instancer(key, path, natives.place, motion)
+        if not known:
+            arrays = natives.read(partition, self._motion.timing(motion))
+            self._session.set_instances(sent.instancer, arrays)
+        return sent.instancer
+
+    def _send_instancer(self, key: str, path: str, place: Place, motion: Motion) -> _SentInstancer:
+        sent = self._instancers.get(key)
+        if sent is None:
+            sent = _SentInstancer(self._session.create("instancer", path))
+            self._instancers[key] = sent
+        self._seen.add(key)
+        part = place.resolve(motion)
+        if sent.part != part:
+            self._session.set_part(sent.instancer, *part)
+            sent.part = part
+        if sent.motion != motion:
+            self._session.set_motion(sent.instancer, motion)
+            sent.motion = motion
+        return sent
 
     def _check_draw_mode(self, prim) -> None:
         model = UsdGeom.ModelAPI(prim)
@@ -266,12 +398,10 @@ class SceneSync:
 
     # One mesh ------------------------------------------------------------------------------------
 
-    def _emit(
-        self, key: str, prim: Usd.Prim, levels: list[Level], placement, place: _Place
-    ) -> None:
-        """Sends what the session does not have yet of one mesh; a faulty one is left out."""
+    def _emit(self, key: str, prim: Usd.Prim, levels: list[Level], place: Place) -> None:
+        """Sends what the session does not have yet of one prim; a faulty one is left out."""
         try:
-            self._send(key, prim, levels, placement)
+            self._send(key, prim, levels, place)
             self._send_matte(key, self._is_matte(prim, place))
             self._send_motion(key, self._motion.of(prim))
             if key in self._sent:
@@ -280,7 +410,7 @@ class SceneSync:
             self._seen.discard(key)
             self._leave_out(prim, error)
 
-    def _send(self, key: str, prim: Usd.Prim, levels: list[Level], placement) -> None:
+    def _send(self, key: str, prim: Usd.Prim, levels: list[Level], place: Place) -> None:
         sent = self._sent.get(key)
         if sent is None or sent.shape_varies:
             sent = self._send_shape(key, sent, prim)
@@ -301,15 +431,10 @@ class SceneSync:
         if sent.levels is None or not _same_levels(sent.levels, levels):
             session.set_transform(sent.prim, levels)
             sent.levels = levels
-        instances = None
-        if placement is not None:
-            instances = (*placement.samples(shutter), placement.ids)
-        if not _same_arrays(sent.instances, instances):
-            if instances is None:
-                session.clear_instances(sent.prim)
-            else:
-                session.set_instances(sent.prim, *instances)
-            sent.instances = instances
+        part = place.resolve(self._motion.of(prim))
+        if sent.part != part:
+            session.set_part(sent.prim, *part)
+            sent.part = part
 
     def _send_matte(self, key: str, matte: bool) -> None:
         sent = self._sent.get(key)
@@ -350,10 +475,10 @@ class SceneSync:
         return sent
 
 
-def _same_arrays(a: tuple | None, b: tuple | None) -> bool:
-    if a is None or b is None:
-        return a is b
-    return all(np.array_equal(x, y) for x, y in zip(a, b, strict=True))
+def _has_skeletons(prim: Usd.Prim, predicate) -> bool:
+    """Whether a SkelRoot is above `prim`, or below it."""
+    below = Usd.PrimRange(prim, predicate)
+    return bool(UsdSkel.Root.Find(prim)) or any(p.IsA(UsdSkel.Root) for p in below)
 
 
 def _same_levels(a: list[Level], b: list[Level]) -> bool:

@@ -14,11 +14,11 @@ from .camera import CameraState
 from .curves import CurveTopology
 from .errors import SceneError
 from .implicit import Implicit
+from .instances import Instances
 from .lens import LENS_ATTRIBUTES
 from .log import SceneLog
 from .mesh import BOUNDARIES, FACE_VARYING, ORIENTATIONS, SCHEMES, TRIANGLES, Topology
 from .motion import Motion
-from .nurbs import Basis
 from .points import Points, Samples
 from .primvars import INTERPOLATIONS, Primvar
 from .products import RenderVar
@@ -30,6 +30,7 @@ LENS_NUMBERS = (*LENS_ATTRIBUTES, "exposure_scale")
 
 ARRAY_TYPES = {np.dtype(np.float32): "float[]", np.dtype(np.float64): "double[]"}
 ARRAY_TYPES |= {np.dtype(np.int32): "int32_t[]", np.dtype(np.uint32): "uint32_t[]"}
+ARRAY_TYPES[np.dtype(np.uint8)] = "uint8_t[]"
 
 
 class _Arrays:
@@ -47,11 +48,11 @@ class _Arrays:
         self._keep.append((array, pointer))
         return pointer
 
-    def samples(self, samples: Samples) -> tuple:
+    def samples(self, samples: Samples, of: str = "float") -> tuple:
         """Times, their number, arrays and the number of values of each, as C has them."""
         times = self.pointer(np.asarray(samples.times, dtype=np.float64))
         pointers = [self.pointer(array) for array in samples.arrays]
-        values = self.keep(ffi.new("float *[]", pointers))
+        values = self.keep(ffi.new(f"{of} *[]", pointers))
         counts = self.keep(ffi.new("size_t[]", [len(array) for array in samples.arrays]))
         return times, len(samples.arrays), values, counts
 
@@ -117,7 +118,7 @@ class Session:
     # Prims ---------------------------------------------------------------------------------------
 
     def create(self, kind: str, path: str) -> int:
-        """A new prim of a kind: mesh, implicit, nurbs_patch, curves, spheres or camera."""
+        """A new prim of a kind: mesh, implicit, curves, spheres, instancer or camera."""
         out = ffi.new("trz_id *")
         self._call(f"trz_{kind}_create", _text(path), out)
         return out[0]
@@ -178,23 +179,8 @@ class Session:
         value.curve_count = topology.vertex_counts.size
         self._call("trz_curves_set", prim, value)
 
-    def set_nurbs_patch(self, prim: int, basis: Basis) -> None:
-        """Sets orders, knots, ranges and weights of a NURBS patch."""
-        arrays = _Arrays()
-        value = native.new("trz_nurbs_patch")
-        value.orientation = self._value("ORIENTATION", ORIENTATIONS[basis.orientation])
-        for d, name in enumerate("uv"):
-            setattr(value, f"{name}_order", basis.orders[d])
-            setattr(value, f"{name}_vertex_count", basis.vertex_counts[d])
-            setattr(value, f"{name}_knots", arrays.pointer(basis.knots[d]))
-            setattr(value, f"{name}_knot_count", basis.knots[d].size)
-            setattr(value, f"{name}_range", list(basis.ranges[d]))
-        value.weights = arrays.pointer(basis.weights)
-        value.weight_count = basis.weights.size
-        self._call("trz_nurbs_patch_set", prim, value)
-
     def set_points(self, prim: int, points: Points) -> None:
-        """Sets the points of a mesh or NURBS patch, of curves or spheres."""
+        """Sets the points of a mesh, of curves or spheres."""
         arrays = _Arrays()
         value = native.new("trz_points")
         samples = Samples(points.times, points.arrays)
@@ -231,22 +217,29 @@ class Session:
             value.index_count = primvar.indices.size
         self._call("trz_prim_set_primvar", prim, _text(name), value)
 
-    def set_instances(
-        self, prim: int, times: np.ndarray, matrices: np.ndarray, ids: np.ndarray
-    ) -> None:
-        """Places a prim many times; `matrices` are (sample, instance, 4, 4)."""
+    def set_instances(self, instancer: int, instances: Instances) -> None:
+        """Sets the arrays of an instancer."""
         arrays = _Arrays()
-        value = native.new("trz_instances")
-        value.times = arrays.pointer(np.asarray(times, dtype=np.float64))
-        value.sample_count = len(times)
-        value.matrices = arrays.pointer(np.asarray(matrices, dtype=np.float64))
-        value.instance_count = matrices.shape[1]
-        value.ids = arrays.pointer(np.asarray(ids, dtype=np.int32))
-        self._call("trz_prim_set_instances", prim, value)
+        value = native.new("trz_instancer")
+        value.instance_count = instances.count
+        value.prototype_count = instances.prototype_count
+        value.prototypes = arrays.pointer(instances.prototypes)
+        value.prototype_index_count = len(instances.prototypes)
+        value.mask = arrays.pointer(instances.mask)
+        value.mask_count = len(instances.mask)
+        names = ("positions", "orientations", "scales", "matrices")
+        rates = ("velocities", "accelerations", "angular_velocities")
+        for name in (*names, *rates):
+            field = getattr(value, name)
+            of = "double" if name == "matrices" else "float"
+            samples = arrays.samples(getattr(instances, name), of)
+            field.times, field.sample_count, field.values, field.counts = samples
+        value.time_codes_per_second = instances.time_codes_per_second
+        self._call("trz_instancer_set", instancer, value)
 
-    def clear_instances(self, prim: int) -> None:
-        """Renders a prim once, where its transform says."""
-        self._call("trz_prim_set_instances", prim, ffi.NULL)
+    def set_part(self, prim: int, instancer: int, prototype: int) -> None:
+        """Makes a prim or instancer part of a prototype; instancer 0: it stands by itself."""
+        self._call("trz_prim_set_instancer", prim, instancer, prototype)
 
     def set_motion(self, prim: int, motion: Motion) -> None:
         """How the motion of a prim is blurred."""

@@ -10,14 +10,7 @@ from pxr import Usd, UsdGeom
 from .log import SceneLog
 from .shutter import Shutter
 
-_TOPOLOGY = (
-    "faceVertexCounts",
-    "faceVertexIndices",
-    "curveVertexCounts",
-    "uVertexCount",
-    "vVertexCount",
-    "ids",
-)
+_TOPOLOGY = ("faceVertexCounts", "faceVertexIndices", "curveVertexCounts", "ids")
 
 
 def changes_topology(prim: Usd.Prim, samples: list[float], shutter: Shutter) -> bool:

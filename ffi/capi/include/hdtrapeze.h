@@ -17,9 +17,10 @@
  * row vectors. Enum-like fields are uint32_t and take the constants of the group that they name;
  * flags are 0 or 1.
  *
- * Edits (trz_mesh_*, trz_grids_*, trz_implicit_*, trz_nurbs_patch_*, trz_camera_*, trz_prim_*,
- * trz_session_set_*) are queued from any thread and take effect together, in their order, at the
- * next trz_session_commit or trz_render_start.
+ * Edits (trz_mesh_*, trz_grids_*, trz_implicit_*, trz_instancer_*, trz_camera_*, trz_prim_*,
+ * trz_session_set_*) are
+ * queued from any thread and take effect together, in their order, at the next trz_session_commit
+ * or trz_render_start.
  *
  * A defect of the library is TRZ_ERROR_INTERNAL and poisons the session: later calls return
  * TRZ_ERROR_POISONED, trz_session_destroy still works.
@@ -443,39 +444,6 @@ typedef struct trz_implicit {
   size_t sample_count;
 } trz_implicit;
 
-// A NURBS patch; its points come by trz_prim_set_points, those along u following each other. Numbers
-// are as authored: what does not fit is found at commit.
-typedef struct trz_nurbs_patch {
-  // sizeof(trz_nurbs_patch).
-  uint32_t struct_size;
-  // TRZ_ORIENTATION_*.
-  uint32_t orientation;
-  // Degree plus one, along u.
-  int32_t u_order;
-  // Degree plus one, along v.
-  int32_t v_order;
-  // Points along u.
-  int32_t u_vertex_count;
-  // Points along v.
-  int32_t v_vertex_count;
-  // Knots along u.
-  const double *u_knots;
-  // Number of knots along u: u_vertex_count + u_order.
-  size_t u_knot_count;
-  // Knots along v.
-  const double *v_knots;
-  // Number of knots along v: v_vertex_count + v_order.
-  size_t v_knot_count;
-  // Parameters from and to which it is rendered; 0, 0 for all.
-  double u_range[2];
-  // Parameters from and to which it is rendered; 0, 0 for all.
-  double v_range[2];
-  // Weights of the points, which are not multiplied by them.
-  const double *weights;
-  // Number of weights; 0: all are 1.
-  size_t weight_count;
-} trz_nurbs_patch;
-
 // Lens, film back and exposure at one instant; fields as in trz_camera.
 typedef struct trz_lens_sample {
   // Time codes relative to the frame.
@@ -628,21 +596,72 @@ typedef struct trz_primvar {
   size_t index_count;
 } trz_primvar;
 
-// Instances of a prim.
-typedef struct trz_instances {
-  // sizeof(trz_instances).
-  uint32_t struct_size;
+// Arrays of matrices at several times. All zero: none.
+typedef struct trz_matrix_samples {
   // sample_count times, in time codes relative to the frame, in any order.
   const double *times;
   // Number of samples.
   size_t sample_count;
-  // [sample][instance][16], USD layout; world = prim transform, then this.
-  const double *matrices;
-  // Number of instances; 0: the prim does not appear.
+  // sample_count arrays of counts[i] matrices, 16 doubles each; USD layout: row-major, row vectors.
+  const double *const *values;
+  // Matrices of each sample.
+  const size_t *counts;
+} trz_matrix_samples;
+
+// Instances of an instancer: raw arrays of UsdGeomPointInstancer, or matrices of native instances
+// (Hydra's hydra:instanceTransforms). Each array has one value an instance, or is left out (all zero).
+//
+// A point p of a part of a prototype goes to
+//     p * transform of the part * matrix * scale * orientation * position * transform of the instancer
+// and on in the same way where the instancer is part of another's prototype.
+//
+// Without rates, arrays are interpolated between their own samples: orientations along great arcs,
+// others linearly. With velocities or angular_velocities, every array stays at its sample at or
+// before the frame; dt seconds after it, an instance is at p + dt (v + dt a / 2), and has turned by
+// dt |w| degrees about w, after its orientation. As in USD, rates count where their samples before
+// and after the frame have the times of those of the positions (orientations), and are as many; so a
+// host gives the samples around the frame beside those around the shutter, and no rates for arrays
+// without time samples.
+//
+// Samples with another number of values than instances are not interpolated with.
+typedef struct trz_instancer {
+  // sizeof(trz_instancer).
+  uint32_t struct_size;
+  // Number of instances.
   size_t instance_count;
-  // instanceId of each, or NULL for 0, 1, 2...
+  // Number of prototypes: instances of others are left out with a warning. 0: not known.
+  size_t prototype_count;
+  // Prototype number of each instance (protoIndices); none: all are of prototype 0.
+  const int32_t *prototypes;
+  // Length of prototypes.
+  size_t prototype_index_count;
+  // 0 for instances that are not there (invisibleIds and inactiveIds), else 1; none: all are.
+  const uint8_t *mask;
+  // Length of mask.
+  size_t mask_count;
+  // What the instanceId AOV shows for each instance; none: 0, 1, 2... Parts of nested instancers show
+  // the flat number of both instances, the outer one first: outer * inner instance_count + inner.
   const int32_t *ids;
-} trz_instances;
+  // Length of ids.
+  size_t id_count;
+  // Scene units, 3 floats an instance.
+  struct trz_float_samples positions;
+  // Unit quaternions, 4 floats an instance: x, y, z, w (the real part last, as in USD's memory).
+  struct trz_float_samples orientations;
+  // Factors, 3 floats an instance.
+  struct trz_float_samples scales;
+  // Applied before the scale.
+  struct trz_matrix_samples matrices;
+  // Scene units a second, 3 floats an instance.
+  struct trz_float_samples velocities;
+  // Scene units a second squared, 3 floats an instance; used with velocities only.
+  struct trz_float_samples accelerations;
+  // Degrees a second about the vector's own direction, 3 floats an instance; used with orientations
+  // only.
+  struct trz_float_samples angular_velocities;
+  // Time codes a second; above 0 where there are rates.
+  double time_codes_per_second;
+} trz_instancer;
 
 // Settings of a render.
 typedef struct trz_settings {
@@ -697,6 +716,9 @@ typedef struct trz_settings {
   uint32_t backend;
   // TRZ_CURVES_*: what curves without normals are rendered as, where their prim does not say.
   uint32_t curves;
+  // 1: grids of instanced prims that an earlier commit made finer than they are needed now are kept, so
+  // that edits show sooner; bits then depend on what was rendered before. 0: they do not.
+  uint32_t keep_finer;
 } trz_settings;
 
 // How far a render is.
@@ -763,6 +785,8 @@ typedef struct trz_statistics {
   uint64_t objects_diced;
   // Objects that the last commit kept from before.
   uint64_t objects_reused;
+  // Those of them that it placed anew: only their grids were kept.
+  uint64_t objects_placed;
 } trz_statistics;
 
 // Size and type of an AOV. It covers the image and the data window; what was not rendered of them
@@ -991,23 +1015,6 @@ trz_result trz_implicit_set(struct trz_session *session,
                             trz_id prim,
                             const struct trz_implicit *implicit);
 
-// Queues a NURBS patch without points. path (UTF-8) names it in messages.
-//
-// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT (path), TRZ_ERROR_POISONED.
-// Threads: any.
-trz_result trz_nurbs_patch_create(struct trz_session *session, const char *path, trz_id *out);
-
-// Queues orders, knots and weights of a NURBS patch, in place of those before; everything is copied.
-// The patch is closed where its opposite boundaries lie on one another. Primvars have one value, one
-// a point, or, where they vary, one an end of a segment (points - order + 2 along u and along v);
-// elementId is 0.
-//
-// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
-// TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_POISONED. Threads: any.
-trz_result trz_nurbs_patch_set(struct trz_session *session,
-                               trz_id prim,
-                               const struct trz_nurbs_patch *patch);
-
 // Queues a camera with trz_camera_default's values. path (UTF-8) names it in messages and
 // metadata.
 //
@@ -1028,8 +1035,9 @@ trz_result trz_camera_set(struct trz_session *session,
                           trz_id camera,
                           const struct trz_camera *desc);
 
-// Queues the transform of a prim or camera: level_count levels, its own first, then its parent's,
-// up to the root; none is the identity. Everything is copied.
+// Queues the transform of a prim, instancer or camera: level_count levels, its own first, then its
+// parent's, up to the root, or to the root of the prototype that it is part of (included); none is the
+// identity. Everything is copied.
 //
 // Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT (a level without samples),
 // TRZ_ERROR_NOT_FOUND, TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_POISONED. Threads: any.
@@ -1057,15 +1065,6 @@ trz_result trz_prim_set_primvar(struct trz_session *session,
                                 trz_id prim,
                                 const char *name,
                                 const struct trz_primvar *primvar);
-
-// Queues the instances of a prim; NULL: not instanced, the prim appears once. Everything is
-// copied.
-//
-// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
-// TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_POISONED. Threads: any.
-trz_result trz_prim_set_instances(struct trz_session *session,
-                                  trz_id prim,
-                                  const struct trz_instances *instances);
 
 // Queues whether a prim is seen by the camera: 1 (as created) or 0.
 //
@@ -1130,6 +1129,39 @@ trz_result trz_prim_remove(struct trz_session *session, trz_id prim);
 // Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT (not a camera), TRZ_ERROR_NOT_FOUND,
 // TRZ_ERROR_POISONED. Threads: any.
 trz_result trz_session_set_active_camera(struct trz_session *session, trz_id camera);
+
+// Queues an instancer without instances. path (UTF-8) names it in messages; two may have one path. It
+// draws nothing itself: trz_prim_set_instancer makes prims (and other instancers) part of its
+// prototypes. Of the functions for prims it takes trz_prim_set_transform (its levels up to the world,
+// or to the root of the prototype that it is part of), trz_prim_set_visible, trz_prim_set_motion and
+// trz_prim_remove; remove what is part of it too.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT (path), TRZ_ERROR_POISONED.
+// Threads: any.
+trz_result trz_instancer_create(struct trz_session *session,
+                                const char *path,
+                                trz_id *out);
+
+// Queues the instances of an instancer, in place of those before; everything is copied. Arrays that do
+// not fit each other, and numbers that are not finite, are found at commit: what can be is rendered,
+// with a warning.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
+// TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_POISONED. Threads: any.
+trz_result trz_instancer_set(struct trz_session *session,
+                             trz_id instancer,
+                             const struct trz_instancer *instances);
+
+// Queues that a prim, or another instancer, is part of prototype number `prototype` of an instancer: it
+// appears once for each instance of that prototype, and not by itself. instancer 0: it stands by
+// itself, as created. Its transform levels then end at the root of the prototype.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT (a camera, or not an instancer),
+// TRZ_ERROR_NOT_FOUND, TRZ_ERROR_POISONED. Threads: any.
+trz_result trz_prim_set_instancer(struct trz_session *session,
+                                  trz_id prim,
+                                  trz_id instancer,
+                                  uint32_t prototype);
 
 // Fills out, whose struct_size the caller has set, with the defaults of a new session.
 //

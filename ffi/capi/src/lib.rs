@@ -4,8 +4,8 @@
 //! `hdtrapeze-delegate` below, into which OpenSubdiv's factory is put here. Nothing is done in this
 //! crate but checking, copying and translating.
 //!
-//! Layers: `constants` and `types` are what the header shows; `session`, `scene`, `render` and
-//! `output` hold the exported functions; `input` reads what callers pass, `convert` translates it,
+//! Layers: `constants` and `types` are what the header shows; `session`, `scene`, `instancer`,
+//! `render` and `output` hold the exported functions; `input` reads what callers pass, `convert` translates it,
 //! `fault` carries failures and catches panics.
 //!
 //! From Rust the same functions can be called directly; what the header demands of pointers is
@@ -20,6 +20,7 @@ pub mod constants;
 mod convert;
 mod fault;
 mod input;
+pub mod instancer;
 pub mod output;
 pub mod render;
 pub mod scene;
@@ -31,6 +32,7 @@ use hdtrapeze_delegate::Session;
 use hdtrapeze_osd::OsdFactory;
 
 pub use constants::*;
+pub use instancer::*;
 pub use output::*;
 pub use render::*;
 pub use scene::*;

@@ -13,7 +13,7 @@ use crate::types::*;
 use crate::{convert, input};
 
 /// Queues a prim; safety as for the functions that call it.
-unsafe fn create(
+pub(crate) unsafe fn create(
     session: *mut trz_session,
     kind: Kind,
     path: *const c_char,
@@ -31,7 +31,7 @@ unsafe fn create(
 }
 
 /// Queues one edit; safety as for the functions that call it.
-unsafe fn edit(
+pub(crate) unsafe fn edit(
     session: *mut trz_session,
     id: trz_id,
     make: impl FnOnce() -> Result<Edit, Fault>,
@@ -196,41 +196,6 @@ pub unsafe extern "C" fn trz_implicit_set(
     }
 }
 
-/// Queues a NURBS patch without points. path (UTF-8) names it in messages.
-///
-/// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT (path), TRZ_ERROR_POISONED.
-/// Threads: any.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn trz_nurbs_patch_create(
-    session: *mut trz_session,
-    path: *const c_char,
-    out: *mut trz_id,
-) -> trz_result {
-    // SAFETY: the caller passes null or valid pointers.
-    unsafe { create(session, Kind::NurbsPatch, path, out) }
-}
-
-/// Queues orders, knots and weights of a NURBS patch, in place of those before; everything is copied.
-/// The patch is closed where its opposite boundaries lie on one another. Primvars have one value, one
-/// a point, or, where they vary, one an end of a segment (points - order + 2 along u and along v);
-/// elementId is 0.
-///
-/// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
-/// TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_POISONED. Threads: any.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn trz_nurbs_patch_set(
-    session: *mut trz_session,
-    prim: trz_id,
-    patch: *const trz_nurbs_patch,
-) -> trz_result {
-    // SAFETY: the caller passes null or valid pointers.
-    unsafe {
-        edit(session, prim, || {
-            convert::nurbs_patch(&input::read(patch, "patch")?).map(Edit::NurbsPatch)
-        })
-    }
-}
-
 /// Queues a camera with trz_camera_default's values. path (UTF-8) names it in messages and
 /// metadata.
 ///
@@ -275,8 +240,9 @@ pub unsafe extern "C" fn trz_camera_set(
     }
 }
 
-/// Queues the transform of a prim or camera: level_count levels, its own first, then its parent's,
-/// up to the root; none is the identity. Everything is copied.
+/// Queues the transform of a prim, instancer or camera: level_count levels, its own first, then its
+/// parent's, up to the root, or to the root of the prototype that it is part of (included); none is the
+/// identity. Everything is copied.
 ///
 /// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT (a level without samples),
 /// TRZ_ERROR_NOT_FOUND, TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_POISONED. Threads: any.
@@ -339,29 +305,6 @@ pub unsafe extern "C" fn trz_prim_set_primvar(
                 false => Some(convert::primvar(&input::read(primvar, "primvar")?)?),
             };
             Ok(Edit::Primvar(name.to_owned(), primvar))
-        })
-    }
-}
-
-/// Queues the instances of a prim; NULL: not instanced, the prim appears once. Everything is
-/// copied.
-///
-/// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
-/// TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_POISONED. Threads: any.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn trz_prim_set_instances(
-    session: *mut trz_session,
-    prim: trz_id,
-    instances: *const trz_instances,
-) -> trz_result {
-    // SAFETY: the caller passes null or valid pointers.
-    unsafe {
-        edit(session, prim, || {
-            let instances = match instances.is_null() {
-                true => None,
-                false => Some(convert::instances(&input::read(instances, "instances")?)?),
-            };
-            Ok(Edit::Instances(instances))
         })
     }
 }

@@ -161,22 +161,75 @@ pub struct trz_primvar {
     pub index_count: usize,
 }
 
-/// Instances of a prim.
+/// Arrays of matrices at several times. All zero: none.
 #[repr(C)]
 #[derive(Clone, Copy)]
-pub struct trz_instances {
-    /// sizeof(trz_instances).
-    pub struct_size: u32,
+pub struct trz_matrix_samples {
     /// sample_count times, in time codes relative to the frame, in any order.
     pub times: *const f64,
     /// Number of samples.
     pub sample_count: usize,
-    /// [sample][instance][16], USD layout; world = prim transform, then this.
-    pub matrices: *const f64,
-    /// Number of instances; 0: the prim does not appear.
+    /// sample_count arrays of counts[i] matrices, 16 doubles each; USD layout: row-major, row vectors.
+    pub values: *const *const f64,
+    /// Matrices of each sample.
+    pub counts: *const usize,
+}
+
+/// Instances of an instancer: raw arrays of UsdGeomPointInstancer, or matrices of native instances
+/// (Hydra's hydra:instanceTransforms). Each array has one value an instance, or is left out (all zero).
+///
+/// A point p of a part of a prototype goes to
+///     p * transform of the part * matrix * scale * orientation * position * transform of the instancer
+/// and on in the same way where the instancer is part of another's prototype.
+///
+/// Without rates, arrays are interpolated between their own samples: orientations along great arcs,
+/// others linearly. With velocities or angular_velocities, every array stays at its sample at or
+/// before the frame; dt seconds after it, an instance is at p + dt (v + dt a / 2), and has turned by
+/// dt |w| degrees about w, after its orientation. As in USD, rates count where their samples before
+/// and after the frame have the times of those of the positions (orientations), and are as many; so a
+/// host gives the samples around the frame beside those around the shutter, and no rates for arrays
+/// without time samples.
+///
+/// Samples with another number of values than instances are not interpolated with.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct trz_instancer {
+    /// sizeof(trz_instancer).
+    pub struct_size: u32,
+    /// Number of instances.
     pub instance_count: usize,
-    /// instanceId of each, or NULL for 0, 1, 2...
+    /// Number of prototypes: instances of others are left out with a warning. 0: not known.
+    pub prototype_count: usize,
+    /// Prototype number of each instance (protoIndices); none: all are of prototype 0.
+    pub prototypes: *const i32,
+    /// Length of prototypes.
+    pub prototype_index_count: usize,
+    /// 0 for instances that are not there (invisibleIds and inactiveIds), else 1; none: all are.
+    pub mask: *const u8,
+    /// Length of mask.
+    pub mask_count: usize,
+    /// What the instanceId AOV shows for each instance; none: 0, 1, 2... Parts of nested instancers show
+    /// the flat number of both instances, the outer one first: outer * inner instance_count + inner.
     pub ids: *const i32,
+    /// Length of ids.
+    pub id_count: usize,
+    /// Scene units, 3 floats an instance.
+    pub positions: trz_float_samples,
+    /// Unit quaternions, 4 floats an instance: x, y, z, w (the real part last, as in USD's memory).
+    pub orientations: trz_float_samples,
+    /// Factors, 3 floats an instance.
+    pub scales: trz_float_samples,
+    /// Applied before the scale.
+    pub matrices: trz_matrix_samples,
+    /// Scene units a second, 3 floats an instance.
+    pub velocities: trz_float_samples,
+    /// Scene units a second squared, 3 floats an instance; used with velocities only.
+    pub accelerations: trz_float_samples,
+    /// Degrees a second about the vector's own direction, 3 floats an instance; used with orientations
+    /// only.
+    pub angular_velocities: trz_float_samples,
+    /// Time codes a second; above 0 where there are rates.
+    pub time_codes_per_second: f64,
 }
 
 /// Basis, wrap and counts of curves. The primvar widths gives their diameters (1 where there is none),
@@ -219,41 +272,6 @@ pub struct trz_grids {
     pub positions: *const f32,
     /// Vertices over all grids and keys (3 floats each).
     pub position_count: usize,
-}
-
-/// A NURBS patch; its points come by trz_prim_set_points, those along u following each other. Numbers
-/// are as authored: what does not fit is found at commit.
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct trz_nurbs_patch {
-    /// sizeof(trz_nurbs_patch).
-    pub struct_size: u32,
-    /// TRZ_ORIENTATION_*.
-    pub orientation: u32,
-    /// Degree plus one, along u.
-    pub u_order: i32,
-    /// Degree plus one, along v.
-    pub v_order: i32,
-    /// Points along u.
-    pub u_vertex_count: i32,
-    /// Points along v.
-    pub v_vertex_count: i32,
-    /// Knots along u.
-    pub u_knots: *const f64,
-    /// Number of knots along u: u_vertex_count + u_order.
-    pub u_knot_count: usize,
-    /// Knots along v.
-    pub v_knots: *const f64,
-    /// Number of knots along v: v_vertex_count + v_order.
-    pub v_knot_count: usize,
-    /// Parameters from and to which it is rendered; 0, 0 for all.
-    pub u_range: [f64; 2],
-    /// Parameters from and to which it is rendered; 0, 0 for all.
-    pub v_range: [f64; 2],
-    /// Weights of the points, which are not multiplied by them.
-    pub weights: *const f64,
-    /// Number of weights; 0: all are 1.
-    pub weight_count: usize,
 }
 
 /// Lens, film back and exposure at one instant; fields as in trz_camera.
@@ -420,6 +438,9 @@ pub struct trz_settings {
     pub backend: u32,
     /// TRZ_CURVES_*: what curves without normals are rendered as, where their prim does not say.
     pub curves: u32,
+    /// 1: grids of instanced prims that an earlier commit made finer than they are needed now are kept, so
+    /// that edits show sooner; bits then depend on what was rendered before. 0: they do not.
+    pub keep_finer: u32,
 }
 
 /// How far a render is.
@@ -490,6 +511,8 @@ pub struct trz_statistics {
     pub objects_diced: u64,
     /// Objects that the last commit kept from before.
     pub objects_reused: u64,
+    /// Those of them that it placed anew: only their grids were kept.
+    pub objects_placed: u64,
 }
 
 /// Size and type of an AOV. It covers the image and the data window; what was not rendered of them

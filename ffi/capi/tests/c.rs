@@ -88,7 +88,12 @@ fn all_layouts() -> Layouts {
         trz_primvar {
             struct_size, interpolation, width, values, value_count, indices, index_count,
         }
-        trz_instances { struct_size, times, sample_count, matrices, instance_count, ids }
+        trz_matrix_samples { times, sample_count, values, counts }
+        trz_instancer {
+            struct_size, instance_count, prototype_count, prototypes, prototype_index_count, mask,
+            mask_count, ids, id_count, positions, orientations, scales, matrices, velocities,
+            accelerations, angular_velocities, time_codes_per_second,
+        }
         trz_curves { struct_size, basis, wrap, form, vertex_counts, curve_count }
         trz_grids {
             struct_size, times, key_count, rates, elements, grid_count, positions, position_count,
@@ -109,7 +114,7 @@ fn all_layouts() -> Layouts {
             struct_size, width, height, data_window, pixel_aspect, window_policy, samples, shading_rate,
             filter, filter_width, seed, threads, override_shutter, shutter_open, shutter_close,
             disable_motion_blur, disable_defocus, camera_light, time_window, fix_lens, lens_point,
-            max_micropolygons, backend, curves,
+            max_micropolygons, backend, curves, keep_finer,
         }
         trz_progress {
             struct_size, state, fraction, samples_done, samples_total, seconds, seconds_left,
@@ -118,7 +123,7 @@ fn all_layouts() -> Layouts {
             struct_size, prims, instances, objects, grids, micropolygons, limit_evaluations,
             geometry_bytes, bvh_bytes, bvh_nodes, film_bytes, peak_bytes, translate_seconds,
             dice_seconds, build_seconds, trace_seconds, total_seconds, rays, node_tests,
-            cell_tests, objects_diced, objects_reused,
+            cell_tests, objects_diced, objects_reused, objects_placed,
         }
         trz_aov_desc { struct_size, width, height, components, format, origin_x, origin_y }
         trz_image {

@@ -4,7 +4,15 @@
 
 use std::path::Path;
 
-const SOURCES: [&str; 6] = ["constants", "types", "session", "scene", "render", "output"];
+const SOURCES: [&str; 7] = [
+    "constants",
+    "types",
+    "session",
+    "scene",
+    "instancer",
+    "render",
+    "output",
+];
 
 fn generated() -> String {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));

@@ -11,8 +11,8 @@ use glam::{DMat4, DVec3, Vec2, Vec3};
 use hdtrapeze_core::render::{Frame, Prepared, RenderControl, prepare, render};
 use hdtrapeze_core::scene::Geometry;
 use hdtrapeze_core::scene::{
-    CameraDesc, InstancesDesc, MeshDesc, PointsSamples, PrimCommon, PrimDesc, PrimId,
-    RenderSettings, Scene, TransformSamples,
+    CameraDesc, InstanceArrays, InstancerDesc, MeshDesc, PointsSamples, PrimCommon, PrimDesc,
+    PrimId, RenderSettings, Samples, Scene, TransformSamples,
 };
 use hdtrapeze_core::surface::{Crease, MeshTopology};
 use hdtrapeze_core::trace::{Hit, TraceCounts};
@@ -363,11 +363,21 @@ fn instances() -> Scene {
                 * DMat4::from_scale(DVec3::splat(0.3))
         })
     };
-    prim.common.instances = Some(Arc::new(InstancesDesc {
-        times: vec![0.0, 1.0],
-        matrices: at(0.0).chain(at(1.0)).collect(),
+    let id = PrimId(1 << 32);
+    prim.common.instancer = Some((id, 0));
+    let arrays = InstanceArrays {
         instance_count: placed.len(),
-        ids: Vec::new(),
-    }));
-    scene_of(vec![prim], 12.0, 2.0)
+        matrices: Samples {
+            times: vec![0.0, 1.0],
+            values: [0.0, 1.0].map(|s| Arc::new(at(s).collect())).to_vec(),
+        },
+        ..InstanceArrays::default()
+    };
+    let instancer = InstancerDesc {
+        arrays: Arc::new(arrays),
+        ..InstancerDesc::new("/instancer")
+    };
+    let mut scene = scene_of(vec![prim], 12.0, 2.0);
+    scene.instancers.insert(id, Arc::new(instancer));
+    scene
 }

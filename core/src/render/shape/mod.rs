@@ -7,7 +7,6 @@ mod curves;
 mod grids;
 mod implicit;
 mod mesh;
-mod nurbs;
 mod spheres;
 mod surface;
 
@@ -59,7 +58,6 @@ pub(super) fn make(
         Geometry::Mesh(desc) => mesh::make(prim, desc, context, out),
         Geometry::Grids(desc) => grids::make(prim, desc, context, out),
         Geometry::Implicit(desc) => implicit::make(prim, desc, context, out),
-        Geometry::NurbsPatch(desc) => nurbs::make(prim, desc, context, out),
         Geometry::Curves(desc) => curves::make(prim, desc, context, out),
         Geometry::Spheres(desc) => spheres::make(prim, desc, context, out),
     }

@@ -2,6 +2,7 @@
 //! strings are checked, and whether numbers make sense where nothing later would.
 
 mod camera;
+mod instancer;
 mod output;
 mod scene;
 mod settings;
@@ -9,6 +10,7 @@ mod settings;
 use crate::fault::Fault;
 
 pub(crate) use camera::*;
+pub(crate) use instancer::*;
 pub(crate) use output::*;
 pub(crate) use scene::*;
 pub(crate) use settings::*;

@@ -59,6 +59,7 @@ pub(crate) fn statistics_to_c(from: &Statistics) -> trz_statistics {
         cell_tests: from.cell_tests,
         objects_diced: from.objects_diced,
         objects_reused: from.objects_reused,
+        objects_placed: from.objects_placed,
     }
 }
 

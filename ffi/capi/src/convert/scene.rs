@@ -5,8 +5,7 @@ use std::sync::Arc;
 use glam::{DMat4, Vec3};
 use hdtrapeze_core::scene::{
     Axis, CurveBasis, CurveForm, CurveWrap, CurvesDesc, GridsDesc, ImplicitDesc, ImplicitKind,
-    InstancesDesc, Interpolation, NurbsPatchDesc, PointsSamples, PrimvarDesc, Rates, Samples,
-    TransformSamples,
+    Interpolation, PointsSamples, PrimvarDesc, Rates, Samples, TransformSamples,
 };
 use hdtrapeze_core::surface::{
     BoundaryInterpolation, FaceVaryingLinear, Orientation, Scheme, TriangleRule,
@@ -134,24 +133,8 @@ pub(crate) unsafe fn points(from: &trz_points) -> Result<PointsSamples, Fault> {
 }
 
 unsafe fn vec3_samples(from: &trz_float_samples, what: &str) -> Result<Samples<Vec3>, Fault> {
-    let part = |part: &str| format!("{part} of {what}");
     // SAFETY: as the caller promises.
-    unsafe {
-        let times_of = slice(from.times, from.sample_count, &part("times"))?;
-        let arrays = slice(from.values, from.sample_count, what)?;
-        let counts = slice(from.counts, from.sample_count, &part("counts"))?;
-        let samples = arrays.iter().zip(counts).enumerate();
-        Ok(Samples {
-            times: copied(times_of, |&t| t)?,
-            values: samples
-                .map(|(i, (&array, &count))| {
-                    let what = format!("{what}[{i}]");
-                    let floats = slice(array, times(count, 3, &what)?, &what)?;
-                    Ok(Arc::new(vec3s(floats)?))
-                })
-                .collect::<Result<_, Fault>>()?,
-        })
-    }
+    unsafe { super::instancer::samples(from, what, |p: &[f32; 3]| Vec3::from_array(*p)) }
 }
 
 pub(crate) unsafe fn curves(from: &trz_curves) -> Result<CurvesDesc, Fault> {
@@ -211,28 +194,6 @@ pub(crate) unsafe fn implicit(from: &trz_implicit) -> Result<ImplicitDesc, Fault
             sizes: copied(sizes, |&s| s)?,
         })
     }
-}
-
-pub(crate) unsafe fn nurbs_patch(from: &trz_nurbs_patch) -> Result<NurbsPatchDesc, Fault> {
-    let sides = [Orientation::RightHanded, Orientation::LeftHanded];
-    let range = |range: [f64; 2]| (range != [0.0; 2]).then_some(range);
-    let doubles = |first, count, what: &str| {
-        // SAFETY: as the caller promises.
-        let numbers = unsafe { slice(first, count, what) }?;
-        Ok::<_, Fault>(Arc::new(copied(numbers, |&x| x)?))
-    };
-    Ok(NurbsPatchDesc {
-        vertex_counts: [from.u_vertex_count, from.v_vertex_count],
-        orders: [from.u_order, from.v_order],
-        knots: [
-            doubles(from.u_knots, from.u_knot_count, "u_knots")?,
-            doubles(from.v_knots, from.v_knot_count, "v_knots")?,
-        ],
-        ranges: [range(from.u_range), range(from.v_range)],
-        weights: doubles(from.weights, from.weight_count, "weights")?,
-        orientation: pick(&sides, from.orientation, "orientation")?,
-        ..NurbsPatchDesc::default()
-    })
 }
 
 pub(crate) unsafe fn grids(from: &trz_grids) -> Result<GridsDesc, Fault> {
@@ -323,28 +284,6 @@ pub(crate) unsafe fn primvar(from: &trz_primvar) -> Result<PrimvarDesc, Fault> {
             width,
             values: Arc::new(copied(values, |&v| v)?),
             indices: Arc::new(copied(indices, |&i| i)?),
-        })
-    }
-}
-
-pub(crate) unsafe fn instances(from: &trz_instances) -> Result<InstancesDesc, Fault> {
-    let count = from.instance_count;
-    let all = times(from.sample_count, count, "matrices")?;
-    let doubles = times(all, 16, "matrices")?;
-    if count > 0 && from.sample_count == 0 {
-        return Err(Fault::invalid("instances need at least one sample"));
-    }
-    // SAFETY: as the caller promises.
-    unsafe {
-        let ids = match from.ids.is_null() {
-            true => &[][..],
-            false => slice(from.ids, count, "ids")?,
-        };
-        Ok(InstancesDesc {
-            times: copied(slice(from.times, from.sample_count, "times")?, |&t| t)?,
-            matrices: matrices(slice(from.matrices, doubles, "matrices")?)?,
-            instance_count: count,
-            ids: copied(ids, |&id| id)?,
         })
     }
 }

@@ -88,6 +88,7 @@ pub(crate) fn settings(from: &trz_settings) -> Result<RenderSettings, Fault> {
             some => some,
         },
         curves: curve_form(from.curves, "curves")?.unwrap_or_default(),
+        keep_finer: flag(from.keep_finer, "keep_finer")?,
         aovs: defaults.aovs,
     })
 }
@@ -188,6 +189,7 @@ pub(crate) fn settings_to_c(from: &RenderSettings) -> trz_settings {
             CurveForm::Ribbons => TRZ_CURVES_RIBBONS,
             CurveForm::Tubes => TRZ_CURVES_TUBES,
         },
+        keep_finer: from.keep_finer.into(),
     }
 }
 

@@ -27,9 +27,23 @@ fn unknown_and_unfit_ids() {
         fails(trz_camera_set(s, mesh, &lens), bad);
         fails(trz_mesh_set_topology(s, camera, &topology()), bad);
         fails(trz_implicit_set(s, mesh, &sphere()), bad);
-        fails(trz_nurbs_patch_set(s, mesh, &bilinear_patch()), bad);
         fails(trz_prim_set_visible(s, camera, 1), bad);
         fails(trz_prim_set_matte(s, camera, 1), bad);
+        let instancer = session.instancer("/instancer");
+        fails(trz_instancer_set(s, mesh, &no_instances()), bad);
+        fails(trz_prim_set_matte(s, instancer, 1), bad);
+        fails(trz_prim_set_instancer(s, camera, instancer, 0), bad);
+        let message = fails(trz_prim_set_instancer(s, mesh, camera, 0), bad);
+        assert!(message.contains("/other"), "{message}");
+        fails(trz_prim_set_instancer(s, mesh, 999, 0), TRZ_ERROR_NOT_FOUND);
+        ok(trz_prim_set_instancer(s, mesh, instancer, 7));
+        ok(trz_prim_set_instancer(s, instancer, instancer, 0));
+        ok(trz_prim_set_instancer(s, mesh, 0, 0));
+        ok(trz_prim_remove(s, instancer));
+        fails(
+            trz_prim_set_instancer(s, mesh, instancer, 0),
+            TRZ_ERROR_NOT_FOUND,
+        );
         fails(trz_prim_set_motion(s, camera, 1.0, 0), bad);
         fails(trz_prim_set_double_sided(s, camera, 1), bad);
         let message = fails(trz_session_set_active_camera(s, mesh), bad);
@@ -69,17 +83,6 @@ fn enums_flags_and_strings() {
             let mut topology = topology();
             change(&mut topology);
             fails(trz_mesh_set_topology(s, mesh, &topology), bad);
-        }
-        let patch = session.nurbs_patch("/patch");
-        let patch_changes: [fn(&mut trz_nurbs_patch); 3] = [
-            |p| p.orientation = 2,
-            |p| p.u_knot_count = usize::MAX / 4,
-            |p| p.struct_size -= 1,
-        ];
-        for change in patch_changes {
-            let mut value = bilinear_patch();
-            change(&mut value);
-            fails(trz_nurbs_patch_set(s, patch, &value), bad);
         }
         for change in implicit_changes {
             let mut sphere = sphere();
@@ -135,6 +138,7 @@ fn enums_flags_and_strings() {
 fn counts_that_cannot_be() {
     let session = Session::new();
     let (mesh, grids) = (session.mesh("/mesh"), session.grids("/grids"));
+    let instancer = session.instancer("/instancer");
     let bad = TRZ_ERROR_INVALID_ARGUMENT;
     let huge = usize::MAX;
     // SAFETY: pointers to live values; counts that exceed them are refused before they are read.
@@ -186,15 +190,20 @@ fn counts_that_cannot_be() {
             primvar.width = width;
             fails(trz_prim_set_primvar(s, mesh, name, &primvar), bad);
         }
-        let instances = trz_instances {
-            struct_size: size_of::<trz_instances>() as u32,
-            times: &0.0,
-            sample_count: 1,
-            matrices: IDENTITY.as_ptr(),
-            instance_count: huge / 16,
-            ids: null(),
+        let mut instances = trz_instancer {
+            matrices: trz_matrix_samples {
+                times: &0.0,
+                sample_count: 1,
+                values: &IDENTITY.as_ptr(),
+                counts: &(huge / 16),
+            },
+            ..no_instances()
         };
-        fails(trz_prim_set_instances(s, mesh, &instances), bad);
+        fails(trz_instancer_set(s, instancer, &instances), bad);
+        instances = no_instances();
+        instances.mask = &1;
+        instances.mask_count = huge;
+        fails(trz_instancer_set(s, instancer, &instances), bad);
         let level = trz_transform_samples {
             times: &0.0,
             matrices: IDENTITY.as_ptr(),

@@ -35,13 +35,13 @@ fn null_session() {
         trz_spheres_create(s, c"/a".as_ptr(), &mut 0);
         trz_implicit_create(s, c"/a".as_ptr(), &mut 0);
         trz_implicit_set(s, 1, null());
-        trz_nurbs_patch_create(s, c"/a".as_ptr(), &mut 0);
-        trz_nurbs_patch_set(s, 1, null());
         trz_camera_create(s, c"/a".as_ptr(), &mut 0);
         trz_camera_set(s, 1, &camera);
         trz_prim_set_transform(s, 1, null(), 0);
         trz_prim_set_primvar(s, 1, c"a".as_ptr(), null());
-        trz_prim_set_instances(s, 1, null());
+        trz_instancer_create(s, c"/a".as_ptr(), &mut 0);
+        trz_instancer_set(s, 1, null());
+        trz_prim_set_instancer(s, 1, 0, 0);
         trz_prim_set_visible(s, 1, 1);
         trz_prim_set_matte(s, 1, 1);
         trz_prim_set_motion(s, 1, 1.0, 0);
@@ -91,6 +91,7 @@ fn null_arguments() {
         session.camera("/other"),
         session.implicit("/ball"),
     );
+    let instancer = session.instancer("/instancer");
     let name = c"a".as_ptr();
     let no_name = [null()];
     let mut bad_topology = topology();
@@ -141,15 +142,6 @@ fn null_arguments() {
         sizes: null(),
         ..sphere()
     };
-    let patch = session.nurbs_patch("/patch");
-    let no_knots = trz_nurbs_patch {
-        v_knots: null(),
-        ..bilinear_patch()
-    };
-    let no_weights = trz_nurbs_patch {
-        weight_count: 4,
-        ..bilinear_patch()
-    };
     let no_times = trz_implicit {
         times: null(),
         ..sphere()
@@ -163,13 +155,27 @@ fn null_arguments() {
         indices: null(),
         index_count: 0,
     };
-    let instances = trz_instances {
-        struct_size: size(size_of::<trz_instances>()),
-        times: &0.0,
-        sample_count: 1,
-        matrices: null(),
-        instance_count: 1,
-        ids: null(),
+    let instances = trz_instancer {
+        prototype_index_count: 1,
+        ..no_instances()
+    };
+    let no_arrays = trz_instancer {
+        positions: trz_float_samples {
+            times: &0.0,
+            sample_count: 1,
+            values: &null(),
+            counts: &1,
+        },
+        ..no_instances()
+    };
+    let no_matrices = trz_instancer {
+        matrices: trz_matrix_samples {
+            times: &0.0,
+            sample_count: 1,
+            values: null(),
+            counts: &1,
+        },
+        ..no_instances()
     };
     let level = trz_transform_samples {
         times: null(),
@@ -260,11 +266,6 @@ fn null_arguments() {
         trz_implicit_set(s, ball, null());
         trz_implicit_set(s, ball, &no_sizes);
         trz_implicit_set(s, ball, &no_times);
-        trz_nurbs_patch_create(s, null(), &mut 0);
-        trz_nurbs_patch_create(s, name, null_mut());
-        trz_nurbs_patch_set(s, patch, null());
-        trz_nurbs_patch_set(s, patch, &no_knots);
-        trz_nurbs_patch_set(s, patch, &no_weights);
         trz_camera_set(s, camera, null());
         trz_camera_set(s, camera, &no_curve);
         trz_camera_set(s, camera, &no_planes);
@@ -273,7 +274,12 @@ fn null_arguments() {
         trz_prim_set_transform(s, mesh, &level, 1);
         trz_prim_set_primvar(s, mesh, null(), null());
         trz_prim_set_primvar(s, mesh, name, &primvar);
-        trz_prim_set_instances(s, mesh, &instances);
+        trz_instancer_create(s, null(), &mut 0);
+        trz_instancer_create(s, name, null_mut());
+        trz_instancer_set(s, instancer, null());
+        trz_instancer_set(s, instancer, &instances);
+        trz_instancer_set(s, instancer, &no_arrays);
+        trz_instancer_set(s, instancer, &no_matrices);
         trz_session_set_settings(s, null());
         trz_session_set_aovs(s, null(), 1);
         trz_session_set_aovs(s, no_name.as_ptr(), 1);
@@ -310,6 +316,7 @@ fn empty_arrays_need_no_pointer() {
     let session = Session::with_camera();
     let mesh = session.mesh("/empty");
     let grids = session.grids("/no grids");
+    let instancer = session.instancer("/no instances");
     let empty_grids = trz_grids {
         struct_size: size_of::<trz_grids>() as u32,
         times: null(),
@@ -327,14 +334,6 @@ fn empty_arrays_need_no_pointer() {
         sample_count: 0,
         ..sphere()
     };
-    let no_instances = trz_instances {
-        struct_size: size_of::<trz_instances>() as u32,
-        times: null(),
-        sample_count: 0,
-        matrices: null(),
-        instance_count: 0,
-        ids: null(),
-    };
     // SAFETY: pointers to live values.
     unsafe {
         ok(trz_mesh_set_topology(session.0, mesh, &topology()));
@@ -345,15 +344,8 @@ fn empty_arrays_need_no_pointer() {
         let no_spheres = session.spheres("/no spheres");
         ok(trz_prim_set_points(session.0, no_spheres, &no_points()));
         ok(trz_implicit_set(session.0, ball, &empty_sizes));
-        let patch = session.nurbs_patch("/no patch");
-        let empty = trz_nurbs_patch {
-            u_knots: null(),
-            u_knot_count: 0,
-            ..bilinear_patch()
-        };
-        ok(trz_nurbs_patch_set(session.0, patch, &empty));
-        ok(trz_prim_set_instances(session.0, mesh, &no_instances));
-        ok(trz_prim_set_instances(session.0, mesh, null()));
+        ok(trz_instancer_set(session.0, instancer, &no_instances()));
+        ok(trz_prim_set_instancer(session.0, mesh, instancer, 0));
         ok(trz_prim_set_transform(session.0, mesh, null(), 0));
         ok(trz_prim_set_primvar(
             session.0,

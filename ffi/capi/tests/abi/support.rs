@@ -96,17 +96,17 @@ impl Session {
         id
     }
 
-    pub fn nurbs_patch(&self, path: &str) -> trz_id {
-        let (path, mut id) = (CString::new(path).unwrap(), 0);
-        // SAFETY: pointers to live values.
-        ok(unsafe { trz_nurbs_patch_create(self.0, path.as_ptr(), &mut id) });
-        id
-    }
-
     pub fn implicit(&self, path: &str) -> trz_id {
         let (path, mut id) = (CString::new(path).unwrap(), 0);
         // SAFETY: pointers to live values.
         ok(unsafe { trz_implicit_create(self.0, path.as_ptr(), &mut id) });
+        id
+    }
+
+    pub fn instancer(&self, path: &str) -> trz_id {
+        let (path, mut id) = (CString::new(path).unwrap(), 0);
+        // SAFETY: a live session, a string and a place for the id.
+        ok(unsafe { trz_instancer_create(self.0, path.as_ptr(), &mut id) });
         id
     }
 
@@ -279,28 +279,6 @@ pub fn curves() -> trz_curves {
     }
 }
 
-const KNOTS: [f64; 4] = [0.0, 0.0, 1.0, 1.0];
-
-/// Two by two points, orders 2.
-pub fn bilinear_patch() -> trz_nurbs_patch {
-    trz_nurbs_patch {
-        struct_size: size_of::<trz_nurbs_patch>() as u32,
-        orientation: TRZ_ORIENTATION_RIGHT_HANDED,
-        u_order: 2,
-        v_order: 2,
-        u_vertex_count: 2,
-        v_vertex_count: 2,
-        u_knots: KNOTS.as_ptr(),
-        u_knot_count: 4,
-        v_knots: KNOTS.as_ptr(),
-        v_knot_count: 4,
-        u_range: [0.0; 2],
-        v_range: [0.0; 2],
-        weights: null(),
-        weight_count: 0,
-    }
-}
-
 pub fn sphere() -> trz_implicit {
     trz_implicit {
         struct_size: size_of::<trz_implicit>() as u32,
@@ -310,6 +288,16 @@ pub fn sphere() -> trz_implicit {
         times: &0.0,
         sizes: [1.0, 0.0, 0.0].as_ptr(),
         sample_count: 1,
+    }
+}
+
+/// No instances.
+pub fn no_instances() -> trz_instancer {
+    // SAFETY: zeroes are a valid value of every field.
+    let zero: trz_instancer = unsafe { std::mem::zeroed() };
+    trz_instancer {
+        struct_size: size_of::<trz_instancer>() as u32,
+        ..zero
     }
 }
 

@@ -2,16 +2,26 @@
 
 use std::fs;
 
-use crate::error::Error;
+/// More bytes than there are.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{what} takes {} MiB, {} MiB are free", needed >> 20, free >> 20)]
+pub struct OutOfMemory {
+    what: String,
+    needed: u64,
+    free: u64,
+}
 
 /// Refuses to take more bytes than there are, where the system tells: Rust aborts otherwise.
-pub(crate) fn check(bytes: u64, what: &str) -> Result<(), Error> {
+///
+/// # Errors
+/// As it says.
+pub fn check(needed: u64, what: &str) -> Result<(), OutOfMemory> {
     match available_bytes() {
-        Some(free) if bytes > free => Err(Error::OutOfMemory(format!(
-            "{what} takes {} MiB, {} MiB are free",
-            bytes >> 20,
-            free >> 20
-        ))),
+        Some(free) if needed > free => Err(OutOfMemory {
+            what: what.to_owned(),
+            needed,
+            free,
+        }),
         _ => Ok(()),
     }
 }
@@ -22,7 +32,7 @@ fn available_bytes() -> Option<u64> {
 }
 
 /// Largest resident size of the process so far, where the system tells.
-pub(crate) fn peak_bytes() -> Option<u64> {
+pub fn peak_bytes() -> Option<u64> {
     kib_line(&fs::read_to_string("/proc/self/status").ok()?, "VmHWM:")
 }
 
