@@ -46,12 +46,16 @@ pub(crate) fn choose(options: &ImageOptions, rendered: &[Aov]) -> Result<Vec<Aov
         }
         let source = |var: &RenderVar| {
             let source = var.source().map_err(Error::Unsupported)?;
-            find(&source.aov)
+            match find(&source.aov) {
+                Err(Error::NotFound(_)) if source.is_primvar() => Ok(None),
+                found => found.map(Some),
+            }
         };
-        return match options.file {
+        let found: Result<Vec<_>, Error> = match options.file {
             FileType::Exr(_) => options.vars.iter().map(source).collect(),
             FileType::Png => Ok(vec![source(product::picture(&options.vars)?)?]),
         };
+        return Ok(found?.into_iter().flatten().collect());
     }
     match (options.file, options.aovs.as_slice()) {
         (FileType::Exr(_), []) => Ok(rendered.to_vec()),

@@ -46,6 +46,15 @@ pub struct Source {
     component: Option<usize>,
 }
 
+impl Source {
+    /// True for primvars, which a scene may have or not.
+    pub fn is_primvar(&self) -> bool {
+        self.aov
+            .strip_prefix("primvars:")
+            .is_some_and(|name| !name.is_empty())
+    }
+}
+
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Number {
     Half,
@@ -178,7 +187,7 @@ fn value_type(name: &str) -> Option<ValueType> {
 }
 
 /// The layers of a product's file, in the order of its vars. `layer` gives an AOV as a layer.
-/// A var whose channels are there already is left out, with a warning.
+/// A var whose channels are there already, or whose primvar no prim has, is left out, with a warning.
 pub(crate) fn layers(
     vars: &[RenderVar],
     mut layer: impl FnMut(&str) -> Result<Layer, Error>,
@@ -189,7 +198,14 @@ pub(crate) fn layers(
     let mut colors = 0;
     for var in vars {
         let source = var.source().map_err(Error::Unsupported)?;
-        let mut layer = layer(&source.aov)?;
+        let mut layer = match layer(&source.aov) {
+            Err(Error::NotFound(_)) if source.is_primvar() => {
+                let text = format!("no prim has {}; left out", source.aov);
+                warnings.push(Warning::new(&var.path, Code::Unsupported, text));
+                continue;
+            }
+            layer => layer?,
+        };
         if let Some(component) = source.component {
             layer.channels = layer.channels.into_iter().skip(component).take(1).collect();
         }
@@ -273,6 +289,7 @@ mod tests {
 
     fn layer_of(name: &str) -> Result<Layer, Error> {
         Ok(match name {
+            "primvars:none" => return Err(Error::NotFound(name.to_owned())),
             "primId" => Layer::from_ids(name, vec![7]),
             "color" => Layer::from_interleaved(name, 4, &[0.1, 0.2, 0.3, 0.4]),
             "cameraDepth" => Layer::from_interleaved(name, 1, &[5.0]),
@@ -424,6 +441,13 @@ mod tests {
         assert_eq!(ids(""), ChannelData::I32(vec![7]));
         assert_eq!(ids("float"), ChannelData::F32(vec![7.0]));
         assert_eq!(ids("half"), ChannelData::F32(vec![7.0]));
+    }
+
+    #[test]
+    fn primvars_that_no_prim_has_are_left_out() {
+        let (names, warned) = written(&[var("/v/x", "primvars:none"), var("/v/p", "P")]);
+        assert_eq!((names.len(), warned), (3, vec!["/v/x".to_owned()]));
+        assert!(!var("/v", "primvars:").source().unwrap().is_primvar());
     }
 
     #[test]

@@ -330,13 +330,11 @@ impl Session {
     /// [`Error::Unsupported`] for a var that has to be left out.
     pub fn render_var_aov(&self, var: &RenderVar) -> Result<String, Error> {
         self.shared.check()?;
-        let known = |aov: &str| match Aov::from_name(aov) {
-            Some(_) => Ok(()),
-            None => Err(format!("the renderer has no AOV {aov}")),
-        };
         let source = var.source().and_then(|source| {
-            known(&source.aov)?;
-            Ok(source.aov)
+            match source.is_primvar() || Aov::from_name(&source.aov).is_some() {
+                true => Ok(source.aov),
+                false => Err(format!("the renderer has no AOV {}", source.aov)),
+            }
         });
         match source {
             Ok(aov) => {
