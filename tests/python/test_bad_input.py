@@ -569,6 +569,11 @@ def test_models_with_a_draw_mode_are_named(stage):
     model.CreateModelDrawModeAttr("bounds")
     one_warning(render(stage), "/model", "draw mode bounds")
     assert render(stage, draw_modes=False).warnings == []
+    # Components need not say that it applies; others must.
+    model.CreateModelApplyDrawModeAttr(False)
+    one_warning(render(stage), "/model", "draw mode bounds")
+    Usd.ModelAPI(parent).SetKind("group")
+    assert render(stage).warnings == []
 
 
 def test_unknown_aov(stage):

@@ -10,7 +10,7 @@ only what may vary in time is read and sent again; after an edit of the stage, e
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from pxr import Tf, Usd, UsdGeom, UsdLux, UsdShade, UsdSkel
+from pxr import Kind, Tf, Usd, UsdGeom, UsdLux, UsdShade, UsdSkel
 
 from .guard import FAULTS, warn_unreadable
 from .inherited import Inherited, digest
@@ -237,7 +237,7 @@ class SceneSync:
 
     def _visit(self, prim, purpose, place, groups) -> bool:
         """Emits one imageable prim; True where its children are not to be visited."""
-        if self._draw_modes and prim.HasAPI(UsdGeom.ModelAPI):
+        if self._draw_modes and (prim.IsModel() or prim.HasAPI(UsdGeom.ModelAPI)):
             self._check_draw_mode(prim)
         if prim.IsA(UsdGeom.PointInstancer):
             if place.natives:
@@ -392,7 +392,10 @@ class SceneSync:
     def _check_draw_mode(self, prim) -> None:
         model = UsdGeom.ModelAPI(prim)
         mode = model.ComputeModelDrawMode()
-        if model.GetModelApplyDrawModeAttr().Get() and mode not in ("default", "inherited", ""):
+        # USD: components are drawn as if model:applyDrawMode were true.
+        component = Kind.Registry.IsA(Usd.ModelAPI(prim).GetKind(), Kind.Tokens.component)
+        applies = component or model.GetModelApplyDrawModeAttr().Get()
+        if applies and mode not in ("default", "inherited", ""):
             text = f"draw mode {mode} is not supported yet; its geometry is rendered in full"
             self._log.warn(prim.GetPath(), "draw-mode", text)
 
