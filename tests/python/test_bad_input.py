@@ -569,8 +569,10 @@ def test_models_with_a_draw_mode_are_named(stage):
     model.CreateModelDrawModeAttr("bounds")
     one_warning(render(stage), "/model", "draw mode bounds")
     assert render(stage, draw_modes=False).warnings == []
-    # Components need not say that it applies; others must.
+    # Components need not say that it applies, but may say that it does not; others must.
     model.CreateModelApplyDrawModeAttr(False)
+    assert render(stage).warnings == []
+    model.GetModelApplyDrawModeAttr().Clear()
     one_warning(render(stage), "/model", "draw mode bounds")
     Usd.ModelAPI(parent).SetKind("group")
     assert render(stage).warnings == []

@@ -392,9 +392,11 @@ class SceneSync:
     def _check_draw_mode(self, prim) -> None:
         model = UsdGeom.ModelAPI(prim)
         mode = model.ComputeModelDrawMode()
-        # USD: components are drawn as if model:applyDrawMode were true.
-        component = Kind.Registry.IsA(Usd.ModelAPI(prim).GetKind(), Kind.Tokens.component)
-        applies = component or model.GetModelApplyDrawModeAttr().Get()
+        apply = model.GetModelApplyDrawModeAttr()
+        if apply.HasAuthoredValue():
+            applies = apply.Get()
+        else:  # components are drawn as if it were true
+            applies = Kind.Registry.IsA(Usd.ModelAPI(prim).GetKind(), Kind.Tokens.component)
         if applies and mode not in ("default", "inherited", ""):
             text = f"draw mode {mode} is not supported yet; its geometry is rendered in full"
             self._log.warn(prim.GetPath(), "draw-mode", text)
