@@ -48,7 +48,7 @@ pub enum Edit {
     /// The grids of a grids prim.
     Grids(GridsDesc),
     /// A camera; its path and transform stay.
-    Camera(CameraDesc),
+    Camera(Box<CameraDesc>),
     /// Transform levels, own level first.
     Transform(Vec<TransformSamples>),
     /// A primvar, or its removal.
@@ -390,7 +390,7 @@ fn edit_camera(camera: &mut CameraDesc, edit: Edit) {
             *camera = CameraDesc {
                 path: std::mem::take(&mut camera.path),
                 transform: std::mem::take(&mut camera.transform),
-                ..new
+                ..*new
             };
         }
         Edit::Transform(levels) => camera.transform = levels,
@@ -490,7 +490,7 @@ mod tests {
             Err(Error::InvalidArgument(_))
         ));
         assert!(matches!(
-            queue.edit(mesh, Edit::Camera(CameraDesc::default())),
+            queue.edit(mesh, Edit::Camera(Box::default())),
             Err(Error::InvalidArgument(_))
         ));
         let camera_is_mesh = queue.push(Change::ActiveCamera(Some(mesh)));
@@ -604,7 +604,7 @@ mod tests {
             f_stop: 2.0,
             ..CameraDesc::default()
         };
-        queue.edit(id, Edit::Camera(lens)).unwrap();
+        queue.edit(id, Edit::Camera(Box::new(lens))).unwrap();
         queue.push(Change::ActiveCamera(Some(id))).unwrap();
         assert!(apply(&mut scene, queue.take()));
         let camera = &scene.cameras[&id];

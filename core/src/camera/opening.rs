@@ -121,9 +121,10 @@ fn corners(desc: &ShutterCurveDesc) -> Result<Option<Vec<Corner>>, String> {
         return Ok(None);
     }
     let largest = all.iter().fold(0.0f64, |a, p| a.max(p[1]));
-    let area = |a: &[f64; 2], b: &[f64; 2]| (b[0] - a[0]) * (a[1] + b[1]) / largest * 0.5;
+    let area = |a: &[f64; 2], b: &[f64; 2]| (b[0] - a[0]) * (a[1] / largest + b[1] / largest) * 0.5;
     let total: f64 = all.windows(2).map(|w| area(&w[0], &w[1])).sum();
-    if !(total > 0.0) {
+    // Also where it is NaN: closed throughout.
+    if total.partial_cmp(&0.0) != Some(std::cmp::Ordering::Greater) {
         return Err("never opens".to_owned());
     }
     let mut share = 0.0;
@@ -271,6 +272,20 @@ mod tests {
         );
         // Integrals of t (3 t^2 - 2 t^3) and of 3 t^2 - 2 t^3 over [0, 1]: 3/4 - 2/5 and 1/2.
         assert!((mean(&times, |t| t) - 0.7).abs() < 1e-3);
+    }
+
+    #[test]
+    fn only_ratios_of_openness_matter() {
+        for scale in [1.0e-310, 1.0, 1.0e308] {
+            let points = [[0.0, scale], [0.5, scale], [1.0, 0.0]];
+            let times = Times::new(
+                opening(ShutterCurveKind::Linear, &points).as_ref(),
+                [0.0, 1.0],
+            );
+            // Areas 1/2 and 1/4, centroids 1/4 and 2/3.
+            let expected = (0.125 + 1.0 / 6.0) / 0.75;
+            assert!((mean(&times, |t| t) - expected).abs() < 1e-4, "{scale}");
+        }
     }
 
     #[test]

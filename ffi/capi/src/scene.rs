@@ -235,7 +235,7 @@ pub unsafe extern "C" fn trz_camera_set(
     // SAFETY: the caller passes null or valid pointers.
     unsafe {
         edit(session, camera, || {
-            convert::camera(&input::read(desc, "camera")?).map(Edit::Camera)
+            convert::camera(&input::read(desc, "camera")?).map(|desc| Edit::Camera(Box::new(desc)))
         })
     }
 }
