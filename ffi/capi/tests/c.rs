@@ -94,6 +94,7 @@ fn all_layouts() -> Layouts {
             mask_count, ids, id_count, positions, orientations, scales, matrices, velocities,
             accelerations, angular_velocities, time_codes_per_second,
         }
+        trz_implicit { struct_size, kind, axis, orientation, times, sizes, sample_count }
         trz_curves { struct_size, basis, wrap, form, vertex_counts, curve_count }
         trz_grids {
             struct_size, times, key_count, rates, elements, grid_count, positions, position_count,
