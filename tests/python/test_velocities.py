@@ -5,8 +5,19 @@ import re
 import numpy as np
 import pytest
 from hdtrapeze import Options, Renderer
-from pxr import Gf, Sdf, Usd, Vt
-from scenes import add_camera, add_quad, new_stage, one_warning, quad_coverage, render, set_samples
+from oracle import agree, blurred
+from pxr import Gf, Sdf, Usd, UsdGeom, Vt
+from scenes import (
+    add_camera,
+    add_mesh,
+    add_quad,
+    new_stage,
+    one_warning,
+    quad_coverage,
+    quad_points,
+    render,
+    set_samples,
+)
 
 SHUTTERS = ((0.0, 0.0), (-0.25, 0.25), (0.25, 0.75), (-0.75, -0.5), (0.0, 2.5))
 FRAMES = (-1.0, 0.0, 0.3, 1.0, 2.4, 3.0, 7.0)
@@ -228,3 +239,54 @@ def test_frames_move_on_from_their_own_sample():
             alpha = renderer.aov("color")[..., 3]
             np.testing.assert_allclose(alpha, quad_coverage(x - 3, -2, x, 1), atol=0.26)
         assert renderer.log.warnings == []
+
+
+def particles(stage):
+    points = UsdGeom.Points.Define(stage, "/it")
+    points.CreateWidthsAttr([1.0, 0.5, 0.25, 1.5])
+    return points
+
+
+def hair(stage):
+    curves = UsdGeom.BasisCurves.Define(stage, "/it")
+    curves.CreateCurveVertexCountsAttr([4])
+    curves.CreateWidthsAttr([0.5])
+    curves.SetWidthsInterpolation("constant")
+    return curves
+
+
+def surface(stage):
+    return add_mesh(stage, "/it", [], [4], [0, 1, 2, 3])
+
+
+@pytest.mark.parametrize("scale", [1.0, 0.5])
+@pytest.mark.parametrize("define", [particles, hair, surface])
+def test_every_kind_of_points_moves(define, scale):
+    """As points do that are authored where rates take them."""
+    start = np.array(quad_points(-3, -2, 0, 1))
+    speeds = np.array([(3, 1, 0), (1, 0, 0), (0, 1, 0), (3, -1, 0)])
+    falls = np.array([(0, -2, 0), (0, 4, 0), (-4, 0, 0), (0, 0, 2)])
+    stages = []
+    for rated in (True, False):
+        stage = new_stage()
+        add_camera(stage)
+        prim = define(stage)
+        UsdGeom.MotionAPI.Apply(prim.GetPrim()).CreateMotionBlurScaleAttr(scale)
+        times = [0.0] if rated else np.linspace(0, 1, 17)
+        for time in times:
+            points = start + speeds * time + 0.5 * falls * time**2
+            value = Vt.Vec3fArray.FromNumpy(points.astype(np.float32))
+            prim.GetPointsAttr().Set(value, time)
+        if rated:
+            for attribute, value in (
+                (prim.CreateVelocitiesAttr(), 24 * speeds),
+                (prim.CreateAccelerationsAttr(), 24**2 * falls),
+            ):
+                attribute.Set(Vt.Vec3fArray.FromNumpy(value.astype(np.float32)), 0)
+        stages.append(stage)
+        assert render(stage, shutter=(0, 1)).warnings == []
+    one, other = (blurred(stage, samples=64, shutter=(0, 1)) for stage in stages)
+    same, figures = agree(one, other)
+    assert same, figures
+    still = blurred(stages[0], samples=64, shutter=(0, 0))
+    assert not agree(one, still)[0]

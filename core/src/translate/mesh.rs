@@ -6,10 +6,10 @@
 
 use glam::Vec3;
 
-pub use super::points::{Bends, PointKeys, point_keys};
+use super::points::{Bends, PointKeys, point_keys};
 use crate::diagnostics::{Code, Warning};
 use crate::motion::Shutter;
-pub use crate::motion::rates::{LARGEST_COORDINATE, usable};
+use crate::motion::rates::usable;
 use crate::scene::MeshDesc;
 use crate::surface::{Crease, MeshTopology};
 
