@@ -416,6 +416,31 @@ def test_a_rigid_cube_goes_with_its_joint():
     assert image.warnings == []
 
 
+@pytest.mark.parametrize("schema", [UsdGeom.BasisCurves, UsdGeom.Points])
+def test_curves_and_points_go_with_their_joints(schema):
+    """In a straight line along the arm; the lower half of it turns up."""
+    stage = new_stage()
+    add_camera(stage)
+    add_arm(stage, angles={0: (0, 90)})
+    stage.RemovePrim("/arm/strip")
+    prim = schema.Define(stage, "/arm/hair")
+    x = np.linspace(0.0, 2 * LENGTH, 33)
+    points = np.stack([x, 0 * x, 0 * x], axis=1).astype(np.float32)
+    prim.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points))
+    prim.CreateWidthsAttr(Vt.FloatArray([0.8] * 33))
+    prim.SetWidthsInterpolation("vertex")
+    if schema is UsdGeom.BasisCurves:
+        prim.CreateTypeAttr("linear")
+        prim.CreateCurveVertexCountsAttr([33])
+    joints = [int(v > LENGTH) for v in x]
+    bind(prim, joints, [1] * 33, 1, "/arm/skeleton")
+    image = render(stage)
+    assert image.alpha[pixel(1.1, 0.1)] == 1.0
+    assert image.alpha[pixel(2.1, 1.6)] == 1.0
+    assert image.alpha[pixel(3.6, 0.1)] == 0.0
+    assert image.warnings == []
+
+
 def test_later_frames_and_edits_are_seen():
     from hdtrapeze import Renderer
 
