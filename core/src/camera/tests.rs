@@ -1,5 +1,5 @@
 use super::*;
-use crate::scene::{TransformSamples, WindowPolicy};
+use crate::scene::{LensSample, TransformSamples, WindowPolicy};
 use glam::DMat4;
 
 fn settings(width: u32, height: u32) -> RenderSettings {
@@ -156,4 +156,111 @@ fn bad_cameras_get_a_note_and_something_usable() {
     };
     let (_, notes) = Camera::new(&no_focus, &settings(10, 10), Shutter::default()).unwrap();
     assert_eq!(notes.len(), 1);
+}
+
+fn lens_samples(values: &[(f64, f64, f64)]) -> CameraDesc {
+    let sample = |&(time, f_stop, focus_distance): &(f64, f64, f64)| LensSample {
+        time,
+        f_stop,
+        focus_distance,
+        ..CameraDesc::default().lens()
+    };
+    CameraDesc {
+        lens_samples: values.iter().map(sample).collect(),
+        ..CameraDesc::default()
+    }
+}
+
+fn radius(camera: &Camera, time: f32) -> f32 {
+    camera.lens(time).radius
+}
+
+#[test]
+fn a_pinhole_that_opens_has_a_radius_that_grows() {
+    // The f-number has no path from 0: the radius has. The pinhole need not know its focus.
+    let camera = camera(
+        &lens_samples(&[(0.0, 0.0, 0.0), (1.0, 2.0, 7.0)]),
+        &settings(10, 10),
+    );
+    assert!(camera.lens_changes() && camera.is_moving());
+    for time in [0.0, 0.25, 0.5, 1.0] {
+        assert!((radius(&camera, time) - 1.25 * time).abs() < 1e-6);
+        assert_eq!(camera.lens(time).focus_distance, 7.0);
+    }
+    assert_eq!(camera.lens_radius(), 1.25);
+    let ray = camera.ray(Vec2::ONE, Vec2::ONE, 1.0e-7);
+    assert!(ray.origin.is_finite() && ray.dir.is_finite());
+}
+
+#[test]
+fn lenses_between_samples_follow_f_number_and_focal_length() {
+    let mut desc = lens_samples(&[(1.0, 2.0, 4.0), (-1.0, 6.0, 8.0)]);
+    desc.lens_samples[0].focal_length = 15.0;
+    let camera = camera(&desc, &settings(10, 10));
+    // The shutter is the second half: f-numbers 4 to 2, focal lengths 10 to 15, focus 6 to 4.
+    for (time, f_stop, focal, focus) in [(0.0, 4.0, 10.0, 6.0), (0.5, 3.0, 12.5, 5.0)] {
+        assert!((radius(&camera, time) - focal / (2.0 * f_stop)).abs() < 1e-5);
+        assert!((camera.lens(time).focus_distance - focus).abs() < 1e-6);
+        let half = camera.lens(time).window.size().x / 2.0;
+        assert!((half - 2.0955 / 2.0 / focal).abs() < 1e-6);
+    }
+    assert_eq!(camera.key_times(), [0.0, 1.0]);
+    // Dicing sees the longest lens where it is.
+    let scale = |time| camera.raster_view(time).scale.x;
+    assert!((scale(1.0) / scale(0.0) - 1.5).abs() < 1e-5);
+}
+
+#[test]
+fn bad_lens_samples_get_one_note() {
+    let nan = f64::NAN;
+    let cases = [
+        (vec![(0.0, 2.0, 0.0), (1.0, 3.0, -1.0)], "focusDistance"),
+        (vec![(0.0, nan, 5.0), (1.0, -2.0, 5.0)], "gives no lens"),
+        (vec![(nan, 2.0, 5.0)], "no time"),
+    ];
+    for (samples, words) in cases {
+        let shutter = Shutter {
+            open: 0.0,
+            close: 1.0,
+        };
+        let desc = lens_samples(&samples);
+        let (camera, notes) = Camera::new(&desc, &settings(10, 10), shutter).unwrap();
+        assert_eq!(notes.len(), 1, "{notes:?}");
+        assert!(notes[0].contains(words), "{notes:?}");
+        assert!(!camera.lens_changes() && camera.lens_radius() == 0.0);
+    }
+}
+
+#[test]
+fn sizes_that_f32_cannot_hold_are_refused() {
+    for (aperture, focal_length) in [(1.0e300, 5.0), (2.0, 1.0e-200), (1.0e-300, 5.0)] {
+        let desc = CameraDesc {
+            horizontal_aperture: aperture,
+            focal_length,
+            ..CameraDesc::default()
+        };
+        let (camera, notes) = Camera::new(&desc, &settings(10, 10), Shutter::default()).unwrap();
+        assert_eq!(notes.len(), 1, "{notes:?}");
+        let dir = camera.ray(Vec2::ONE, Vec2::ZERO, 0.0).dir;
+        assert!(dir.is_finite() && dir.x != 0.0);
+    }
+}
+
+#[test]
+fn a_little_overscan_dices_as_none_does_and_more_as_image() {
+    let with = |data_window| RenderSettings {
+        data_window: Some(data_window),
+        ..settings(200, 100)
+    };
+    let view =
+        |settings: &RenderSettings| camera(&CameraDesc::default(), settings).raster_view(0.0);
+    let plain = view(&settings(200, 100));
+    for window in [[50, 20, 60, 30], [-10, -5, 210, 105]] {
+        let view = view(&with(window));
+        assert_eq!((view.size, view.centre), (plain.size, plain.centre));
+    }
+    let wide = view(&with([-60, 0, 200, 300]));
+    assert_eq!(wide.size, Vec2::new(260.0, 300.0));
+    assert_eq!(wide.centre, plain.centre + Vec2::new(60.0, 0.0));
+    assert_eq!(wide.scale, plain.scale);
 }

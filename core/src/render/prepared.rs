@@ -106,8 +106,11 @@ impl Prepared {
     pub fn explain(&self) -> String {
         let s = &self.statistics;
         let [width, height] = self.settings.resolution;
+        let window = self.settings.data_window.map_or(String::new(), |w| {
+            format!(" (data window {} {} to {} {})", w[0], w[1], w[2], w[3])
+        });
         format!(
-            "camera: {}\nimage: {width} x {height}, {} samples a pixel, shading rate {}\n\
+            "camera: {}\nimage: {width} x {height}{window}, {} samples a pixel, shading rate {}\n\
              shutter: {} to {} time codes\n{}backend: cpu\n\
              scene: {} prims, {} instances, {} grids, {} micropolygons\n",
             self.camera_desc.path,
