@@ -22,6 +22,7 @@ pub mod film;
 pub mod grid;
 pub mod memory;
 pub mod motion;
+pub mod nurbs;
 pub mod render;
 pub mod sample;
 pub mod scene;

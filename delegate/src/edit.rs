@@ -8,8 +8,8 @@ use std::sync::Arc;
 
 use hdtrapeze_core::scene::{
     CameraDesc, CurvesDesc, Geometry, GridsDesc, ImplicitDesc, InstanceArrays, InstancerDesc,
-    MeshDesc, PointsSamples, PrimCommon, PrimDesc, PrimId, PrimvarDesc, PrototypeOf,
-    RenderSettings, Scene, SpheresDesc, TransformSamples,
+    MeshDesc, NurbsPatchDesc, PointsSamples, PrimCommon, PrimDesc, PrimId, PrimvarDesc,
+    PrototypeOf, RenderSettings, Scene, SpheresDesc, TransformSamples,
 };
 use hdtrapeze_core::surface::MeshTopology;
 
@@ -24,6 +24,8 @@ pub enum Kind {
     Grids,
     /// A cube, sphere and so on.
     Implicit,
+    /// A NURBS patch.
+    NurbsPatch,
     /// Curves.
     Curves,
     /// Spheres.
@@ -39,10 +41,12 @@ pub enum Kind {
 pub enum Edit {
     /// A mesh's topology.
     Topology(Arc<MeshTopology>),
-    /// Points of a mesh, of curves or spheres.
+    /// Points of a mesh, NURBS patch, of curves or spheres.
     Points(PointsSamples),
     /// A cube, sphere and so on.
     Implicit(ImplicitDesc),
+    /// Orders, knots, weights of a NURBS patch; its points stay.
+    NurbsPatch(NurbsPatchDesc),
     /// Basis, wrap and counts of curves; their points stay.
     Curves(CurvesDesc),
     /// The grids of a grids prim.
@@ -76,9 +80,13 @@ impl Edit {
     fn fits(&self, kind: Kind) -> bool {
         match self {
             Edit::Topology(_) => kind == Kind::Mesh,
-            Edit::Points(_) => matches!(kind, Kind::Mesh | Kind::Curves | Kind::Spheres),
+            Edit::Points(_) => matches!(
+                kind,
+                Kind::Mesh | Kind::NurbsPatch | Kind::Curves | Kind::Spheres
+            ),
             Edit::Grids(_) => kind == Kind::Grids,
             Edit::Implicit(_) => kind == Kind::Implicit,
+            Edit::NurbsPatch(_) => kind == Kind::NurbsPatch,
             Edit::Curves(_) => kind == Kind::Curves,
             Edit::Camera(_) => kind == Kind::Camera,
             Edit::Instances(_) => kind == Kind::Instancer,
@@ -327,6 +335,7 @@ fn new_prim(kind: Kind, path: &str) -> PrimDesc {
         geometry: match kind {
             Kind::Grids => Geometry::Grids(GridsDesc::default()),
             Kind::Implicit => Geometry::Implicit(ImplicitDesc::default()),
+            Kind::NurbsPatch => Geometry::NurbsPatch(NurbsPatchDesc::default()),
             Kind::Curves => Geometry::Curves(CurvesDesc::default()),
             Kind::Spheres => Geometry::Spheres(SpheresDesc::default()),
             Kind::Mesh | Kind::Instancer | Kind::Camera => Geometry::Mesh(MeshDesc::default()),
@@ -344,6 +353,10 @@ fn edit_prim(prim: &mut PrimDesc, edit: Edit) {
             }
         }
         (Edit::Implicit(new), Geometry::Implicit(implicit)) => *implicit = new,
+        (Edit::NurbsPatch(new), Geometry::NurbsPatch(patch)) => {
+            let points = std::mem::take(&mut patch.points);
+            *patch = NurbsPatchDesc { points, ..new };
+        }
         (Edit::Curves(new), Geometry::Curves(curves)) => {
             let points = std::mem::take(&mut curves.points);
             *curves = CurvesDesc { points, ..new };

@@ -5,11 +5,14 @@ use glam::Vec3;
 use super::text::{Page, array, integers, number};
 use crate::diagnostics::Warning;
 use crate::motion::Shutter;
-use crate::scene::{CurvesDesc, Geometry, GridsDesc, ImplicitDesc, MeshDesc, PointsSamples};
+use crate::scene::{
+    CurvesDesc, Geometry, GridsDesc, ImplicitDesc, MeshDesc, NurbsPatchDesc, PointsSamples,
+};
 use crate::surface::MeshTopology;
 use crate::translate::grids;
 use crate::translate::implicit;
 use crate::translate::mesh::check;
+use crate::translate::nurbs;
 use crate::translate::points::{Bends, PointKeys, point_keys};
 
 /// Keys of paths that accelerations bend: the text must not depend on how near the camera is.
@@ -21,6 +24,7 @@ pub(super) fn kind(geometry: &Geometry) -> &'static str {
         Geometry::Mesh(_) => "mesh",
         Geometry::Grids(_) => "grids",
         Geometry::Implicit(_) => "implicit",
+        Geometry::NurbsPatch(_) => "nurbs patch",
         Geometry::Curves(_) => "curves",
         Geometry::Spheres(_) => "spheres",
     }
@@ -37,6 +41,7 @@ pub(super) fn write(
         Geometry::Mesh(desc) => mesh(page, path, desc, shutter, warnings),
         Geometry::Grids(desc) => grids(page, path, desc, shutter, warnings),
         Geometry::Implicit(desc) => implicit(page, path, desc, shutter, warnings),
+        Geometry::NurbsPatch(desc) => nurbs_patch(page, path, desc, shutter, warnings),
         Geometry::Curves(desc) => curves(page, path, desc, shutter, warnings),
         Geometry::Spheres(desc) => raw_points(page, path, &desc.points, shutter, warnings),
     }
@@ -124,6 +129,33 @@ fn implicit(
     for (time, sizes) in checked.points.times.iter().zip(&checked.sizes) {
         page.line(&format!("sizes at {}: {}", number(*time), array(sizes, 3)));
     }
+}
+
+fn nurbs_patch(
+    page: &mut Page,
+    path: &str,
+    desc: &NurbsPatchDesc,
+    shutter: Shutter,
+    warnings: &mut Vec<Warning>,
+) {
+    let Some(checked) = nurbs::check(path, desc, shutter, BENDS, warnings) else {
+        return page.line("nothing to render");
+    };
+    for (d, name) in ["u", "v"].into_iter().enumerate() {
+        let (count, order) = (desc.vertex_counts[d], desc.orders[d]);
+        let knots = array(&desc.knots[d], 1);
+        page.line(&format!(
+            "{name}: {count} points, order {order}, knots {knots}"
+        ));
+        if let Some(range) = desc.ranges[d] {
+            page.line(&format!("{name} range {}", array(&range, 1)));
+        }
+    }
+    page.line(&format!("{:?}", desc.orientation));
+    if !checked.patch.weights.is_empty() {
+        page.line(&format!("weights {}", array(&desc.weights, 1)));
+    }
+    points(page, &checked.points);
 }
 
 fn curves(

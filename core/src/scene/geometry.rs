@@ -113,6 +113,26 @@ pub struct ImplicitDesc {
     pub sizes: Vec<[f64; 3]>,
 }
 
+/// A tensor product of NURBS (UsdGeomNurbsPatch); elementId is 0. Whether it is closed is seen from the
+/// points. Pairs are along u and along v; numbers are as authored.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct NurbsPatchDesc {
+    /// Points along u and along v; u runs fastest.
+    pub vertex_counts: [i32; 2],
+    /// Degree plus one.
+    pub orders: [i32; 2],
+    /// Knots, as many as points and order.
+    pub knots: [Arc<Vec<f64>>; 2],
+    /// Parameters from and to which it is rendered, or all.
+    pub ranges: [Option<[f64; 2]>; 2],
+    /// Weights of the points, which are not multiplied by them; empty: all are 1.
+    pub weights: Arc<Vec<f64>>,
+    /// Winding: the front of a right-handed patch is where u, v and the normal are right-handed.
+    pub orientation: Orientation,
+    /// Control points.
+    pub points: PointsSamples,
+}
+
 /// How curves go between their points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum CurveBasis {
@@ -186,6 +206,8 @@ pub enum Geometry {
     Grids(GridsDesc),
     /// A cube, sphere and so on.
     Implicit(ImplicitDesc),
+    /// A NURBS patch.
+    NurbsPatch(NurbsPatchDesc),
     /// Curves.
     Curves(CurvesDesc),
     /// Spheres.
@@ -197,6 +219,7 @@ impl Geometry {
     pub fn points_mut(&mut self) -> Option<&mut PointsSamples> {
         match self {
             Geometry::Mesh(mesh) => Some(&mut mesh.points),
+            Geometry::NurbsPatch(patch) => Some(&mut patch.points),
             Geometry::Curves(curves) => Some(&mut curves.points),
             Geometry::Spheres(spheres) => Some(&mut spheres.points),
             Geometry::Grids(_) | Geometry::Implicit(_) => None,

@@ -19,7 +19,7 @@ pub use camera::{
 };
 pub use geometry::{
     Axis, CurveBasis, CurveForm, CurveWrap, CurvesDesc, Geometry, GridsDesc, ImplicitDesc,
-    ImplicitKind, MeshDesc, PointsSamples, Rates, Samples, SpheresDesc,
+    ImplicitKind, MeshDesc, NurbsPatchDesc, PointsSamples, Rates, Samples, SpheresDesc,
 };
 pub use instancer::{InstanceArrays, InstancerDesc, PrototypeOf};
 pub use prim::{Interpolation, PrimCommon, PrimDesc, PrimvarDesc, TransformSamples};

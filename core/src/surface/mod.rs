@@ -17,6 +17,7 @@
 //!
 //! Positions are object space, in the mesh's own units, in f32; times are the position keys' own.
 
+pub mod nurbs;
 pub mod polygon;
 pub mod quadric;
 pub mod topology;

@@ -19,6 +19,7 @@ from .lens import LENS_ATTRIBUTES
 from .log import SceneLog
 from .mesh import BOUNDARIES, FACE_VARYING, ORIENTATIONS, SCHEMES, TRIANGLES, Topology
 from .motion import Motion
+from .nurbs import Basis
 from .points import Points, Samples
 from .primvars import INTERPOLATIONS, Primvar
 from .products import RenderVar
@@ -118,7 +119,7 @@ class Session:
     # Prims ---------------------------------------------------------------------------------------
 
     def create(self, kind: str, path: str) -> int:
-        """A new prim of a kind: mesh, implicit, curves, spheres, instancer or camera."""
+        """A new prim: mesh, implicit, nurbs_patch, curves, spheres, instancer or camera."""
         out = ffi.new("trz_id *")
         self._call(f"trz_{kind}_create", _text(path), out)
         return out[0]
@@ -179,8 +180,23 @@ class Session:
         value.curve_count = topology.vertex_counts.size
         self._call("trz_curves_set", prim, value)
 
+    def set_nurbs_patch(self, prim: int, basis: Basis) -> None:
+        """Sets orders, knots, ranges and weights of a NURBS patch."""
+        arrays = _Arrays()
+        value = native.new("trz_nurbs_patch")
+        value.orientation = self._value("ORIENTATION", ORIENTATIONS[basis.orientation])
+        for d, name in enumerate("uv"):
+            setattr(value, f"{name}_order", basis.orders[d])
+            setattr(value, f"{name}_vertex_count", basis.vertex_counts[d])
+            setattr(value, f"{name}_knots", arrays.pointer(basis.knots[d]))
+            setattr(value, f"{name}_knot_count", basis.knots[d].size)
+            setattr(value, f"{name}_range", list(basis.ranges[d]))
+        value.weights = arrays.pointer(basis.weights)
+        value.weight_count = basis.weights.size
+        self._call("trz_nurbs_patch_set", prim, value)
+
     def set_points(self, prim: int, points: Points) -> None:
-        """Sets the points of a mesh, of curves or spheres."""
+        """Sets the points of a mesh or NURBS patch, of curves or spheres."""
         arrays = _Arrays()
         value = native.new("trz_points")
         samples = Samples(points.times, points.arrays)

@@ -12,6 +12,7 @@ from pxr import Usd, UsdGeom
 from .curves import read_curves
 from .implicit import KINDS, read_implicit
 from .mesh import read_mesh
+from .nurbs import read_nurbs_patch
 from .spheres import read_spheres
 
 
@@ -38,6 +39,7 @@ Reader = Callable[..., Shape]
 READERS: list[tuple[type, Reader]] = [
     (UsdGeom.Mesh, read_mesh),
     *((schema, read_implicit) for schema in KINDS),
+    (UsdGeom.NurbsPatch, read_nurbs_patch),
     (UsdGeom.BasisCurves, read_curves),
     (UsdGeom.Points, read_spheres),
 ]

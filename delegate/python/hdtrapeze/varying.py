@@ -10,7 +10,14 @@ from pxr import Usd, UsdGeom
 from .log import SceneLog
 from .shutter import Shutter
 
-_TOPOLOGY = ("faceVertexCounts", "faceVertexIndices", "curveVertexCounts", "ids")
+_TOPOLOGY = (
+    "faceVertexCounts",
+    "faceVertexIndices",
+    "curveVertexCounts",
+    "uVertexCount",
+    "vVertexCount",
+    "ids",
+)
 
 
 def changes_topology(prim: Usd.Prim, samples: list[float], shutter: Shutter) -> bool:

@@ -17,10 +17,9 @@
  * row vectors. Enum-like fields are uint32_t and take the constants of the group that they name;
  * flags are 0 or 1.
  *
- * Edits (trz_mesh_*, trz_grids_*, trz_implicit_*, trz_instancer_*, trz_camera_*, trz_prim_*,
- * trz_session_set_*) are
- * queued from any thread and take effect together, in their order, at the next trz_session_commit
- * or trz_render_start.
+ * Edits (trz_mesh_*, trz_grids_*, trz_implicit_*, trz_nurbs_patch_*, trz_instancer_*, trz_camera_*,
+ * trz_prim_*, trz_session_set_*) are queued from any thread and take effect together, in their
+ * order, at the next trz_session_commit or trz_render_start.
  *
  * A defect of the library is TRZ_ERROR_INTERNAL and poisons the session: later calls return
  * TRZ_ERROR_POISONED, trz_session_destroy still works.
@@ -443,6 +442,39 @@ typedef struct trz_implicit {
   // Number of samples.
   size_t sample_count;
 } trz_implicit;
+
+// A NURBS patch; its points come by trz_prim_set_points, those along u following each other. Numbers
+// are as authored: what does not fit is found at commit.
+typedef struct trz_nurbs_patch {
+  // sizeof(trz_nurbs_patch).
+  uint32_t struct_size;
+  // TRZ_ORIENTATION_*.
+  uint32_t orientation;
+  // Degree plus one, along u.
+  int32_t u_order;
+  // Degree plus one, along v.
+  int32_t v_order;
+  // Points along u.
+  int32_t u_vertex_count;
+  // Points along v.
+  int32_t v_vertex_count;
+  // Knots along u.
+  const double *u_knots;
+  // Number of knots along u: u_vertex_count + u_order.
+  size_t u_knot_count;
+  // Knots along v.
+  const double *v_knots;
+  // Number of knots along v: v_vertex_count + v_order.
+  size_t v_knot_count;
+  // Parameters from and to which it is rendered; 0, 0 for all.
+  double u_range[2];
+  // Parameters from and to which it is rendered; 0, 0 for all.
+  double v_range[2];
+  // Weights of the points, which are not multiplied by them.
+  const double *weights;
+  // Number of weights; 0: all are 1.
+  size_t weight_count;
+} trz_nurbs_patch;
 
 // Lens, film back and exposure at one instant; fields as in trz_camera.
 typedef struct trz_lens_sample {
@@ -1014,6 +1046,23 @@ trz_result trz_implicit_create(struct trz_session *session, const char *path, tr
 trz_result trz_implicit_set(struct trz_session *session,
                             trz_id prim,
                             const struct trz_implicit *implicit);
+
+// Queues a NURBS patch without points. path (UTF-8) names it in messages.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT (path), TRZ_ERROR_POISONED.
+// Threads: any.
+trz_result trz_nurbs_patch_create(struct trz_session *session, const char *path, trz_id *out);
+
+// Queues orders, knots and weights of a NURBS patch, in place of those before; everything is copied.
+// The patch is closed where its opposite boundaries lie on one another. Primvars have one value, one
+// a point, or, where they vary, one an end of a segment (points - order + 2 along u and along v);
+// elementId is 0.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
+// TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_POISONED. Threads: any.
+trz_result trz_nurbs_patch_set(struct trz_session *session,
+                               trz_id prim,
+                               const struct trz_nurbs_patch *patch);
 
 // Queues a camera with trz_camera_default's values. path (UTF-8) names it in messages and
 // metadata.

@@ -196,6 +196,41 @@ pub unsafe extern "C" fn trz_implicit_set(
     }
 }
 
+/// Queues a NURBS patch without points. path (UTF-8) names it in messages.
+///
+/// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT (path), TRZ_ERROR_POISONED.
+/// Threads: any.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trz_nurbs_patch_create(
+    session: *mut trz_session,
+    path: *const c_char,
+    out: *mut trz_id,
+) -> trz_result {
+    // SAFETY: the caller passes null or valid pointers.
+    unsafe { create(session, Kind::NurbsPatch, path, out) }
+}
+
+/// Queues orders, knots and weights of a NURBS patch, in place of those before; everything is copied.
+/// The patch is closed where its opposite boundaries lie on one another. Primvars have one value, one
+/// a point, or, where they vary, one an end of a segment (points - order + 2 along u and along v);
+/// elementId is 0.
+///
+/// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
+/// TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_POISONED. Threads: any.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trz_nurbs_patch_set(
+    session: *mut trz_session,
+    prim: trz_id,
+    patch: *const trz_nurbs_patch,
+) -> trz_result {
+    // SAFETY: the caller passes null or valid pointers.
+    unsafe {
+        edit(session, prim, || {
+            convert::nurbs_patch(&input::read(patch, "patch")?).map(Edit::NurbsPatch)
+        })
+    }
+}
+
 /// Queues a camera with trz_camera_default's values. path (UTF-8) names it in messages and
 /// metadata.
 ///

@@ -274,6 +274,41 @@ pub struct trz_grids {
     pub position_count: usize,
 }
 
+/// A NURBS patch; its points come by trz_prim_set_points, those along u following each other. Numbers
+/// are as authored: what does not fit is found at commit.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct trz_nurbs_patch {
+    /// sizeof(trz_nurbs_patch).
+    pub struct_size: u32,
+    /// TRZ_ORIENTATION_*.
+    pub orientation: u32,
+    /// Degree plus one, along u.
+    pub u_order: i32,
+    /// Degree plus one, along v.
+    pub v_order: i32,
+    /// Points along u.
+    pub u_vertex_count: i32,
+    /// Points along v.
+    pub v_vertex_count: i32,
+    /// Knots along u.
+    pub u_knots: *const f64,
+    /// Number of knots along u: u_vertex_count + u_order.
+    pub u_knot_count: usize,
+    /// Knots along v.
+    pub v_knots: *const f64,
+    /// Number of knots along v: v_vertex_count + v_order.
+    pub v_knot_count: usize,
+    /// Parameters from and to which it is rendered; 0, 0 for all.
+    pub u_range: [f64; 2],
+    /// Parameters from and to which it is rendered; 0, 0 for all.
+    pub v_range: [f64; 2],
+    /// Weights of the points, which are not multiplied by them.
+    pub weights: *const f64,
+    /// Number of weights; 0: all are 1.
+    pub weight_count: usize,
+}
+
 /// Lens, film back and exposure at one instant; fields as in trz_camera.
 #[repr(C)]
 #[derive(Clone, Copy)]

@@ -7,6 +7,7 @@ mod curves;
 mod grids;
 mod implicit;
 mod mesh;
+mod nurbs;
 mod spheres;
 mod surface;
 
@@ -58,6 +59,7 @@ pub(super) fn make(
         Geometry::Mesh(desc) => mesh::make(prim, desc, context, out),
         Geometry::Grids(desc) => grids::make(prim, desc, context, out),
         Geometry::Implicit(desc) => implicit::make(prim, desc, context, out),
+        Geometry::NurbsPatch(desc) => nurbs::make(prim, desc, context, out),
         Geometry::Curves(desc) => curves::make(prim, desc, context, out),
         Geometry::Spheres(desc) => spheres::make(prim, desc, context, out),
     }

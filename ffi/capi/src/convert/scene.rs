@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{DMat4, Vec3};
 use hdtrapeze_core::scene::{
     Axis, CurveBasis, CurveForm, CurveWrap, CurvesDesc, GridsDesc, ImplicitDesc, ImplicitKind,
-    Interpolation, PointsSamples, PrimvarDesc, Rates, Samples, TransformSamples,
+    Interpolation, NurbsPatchDesc, PointsSamples, PrimvarDesc, Rates, Samples, TransformSamples,
 };
 use hdtrapeze_core::surface::{
     BoundaryInterpolation, FaceVaryingLinear, Orientation, Scheme, TriangleRule,
@@ -194,6 +194,28 @@ pub(crate) unsafe fn implicit(from: &trz_implicit) -> Result<ImplicitDesc, Fault
             sizes: copied(sizes, |&s| s)?,
         })
     }
+}
+
+pub(crate) unsafe fn nurbs_patch(from: &trz_nurbs_patch) -> Result<NurbsPatchDesc, Fault> {
+    let sides = [Orientation::RightHanded, Orientation::LeftHanded];
+    let range = |range: [f64; 2]| (range != [0.0; 2]).then_some(range);
+    let doubles = |first, count, what: &str| {
+        // SAFETY: as the caller promises.
+        let numbers = unsafe { slice(first, count, what) }?;
+        Ok::<_, Fault>(Arc::new(copied(numbers, |&x| x)?))
+    };
+    Ok(NurbsPatchDesc {
+        vertex_counts: [from.u_vertex_count, from.v_vertex_count],
+        orders: [from.u_order, from.v_order],
+        knots: [
+            doubles(from.u_knots, from.u_knot_count, "u_knots")?,
+            doubles(from.v_knots, from.v_knot_count, "v_knots")?,
+        ],
+        ranges: [range(from.u_range), range(from.v_range)],
+        weights: doubles(from.weights, from.weight_count, "weights")?,
+        orientation: pick(&sides, from.orientation, "orientation")?,
+        ..NurbsPatchDesc::default()
+    })
 }
 
 pub(crate) unsafe fn grids(from: &trz_grids) -> Result<GridsDesc, Fault> {

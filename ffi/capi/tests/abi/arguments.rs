@@ -27,6 +27,7 @@ fn unknown_and_unfit_ids() {
         fails(trz_camera_set(s, mesh, &lens), bad);
         fails(trz_mesh_set_topology(s, camera, &topology()), bad);
         fails(trz_implicit_set(s, mesh, &sphere()), bad);
+        fails(trz_nurbs_patch_set(s, mesh, &bilinear_patch()), bad);
         fails(trz_prim_set_visible(s, camera, 1), bad);
         fails(trz_prim_set_matte(s, camera, 1), bad);
         let instancer = session.instancer("/instancer");
@@ -83,6 +84,17 @@ fn enums_flags_and_strings() {
             let mut topology = topology();
             change(&mut topology);
             fails(trz_mesh_set_topology(s, mesh, &topology), bad);
+        }
+        let patch = session.nurbs_patch("/patch");
+        let patch_changes: [fn(&mut trz_nurbs_patch); 3] = [
+            |p| p.orientation = 2,
+            |p| p.u_knot_count = usize::MAX / 4,
+            |p| p.struct_size -= 1,
+        ];
+        for change in patch_changes {
+            let mut value = bilinear_patch();
+            change(&mut value);
+            fails(trz_nurbs_patch_set(s, patch, &value), bad);
         }
         for change in implicit_changes {
             let mut sphere = sphere();

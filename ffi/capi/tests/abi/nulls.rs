@@ -35,6 +35,8 @@ fn null_session() {
         trz_spheres_create(s, c"/a".as_ptr(), &mut 0);
         trz_implicit_create(s, c"/a".as_ptr(), &mut 0);
         trz_implicit_set(s, 1, null());
+        trz_nurbs_patch_create(s, c"/a".as_ptr(), &mut 0);
+        trz_nurbs_patch_set(s, 1, null());
         trz_camera_create(s, c"/a".as_ptr(), &mut 0);
         trz_camera_set(s, 1, &camera);
         trz_prim_set_transform(s, 1, null(), 0);
@@ -141,6 +143,15 @@ fn null_arguments() {
     let no_sizes = trz_implicit {
         sizes: null(),
         ..sphere()
+    };
+    let patch = session.nurbs_patch("/patch");
+    let no_knots = trz_nurbs_patch {
+        v_knots: null(),
+        ..bilinear_patch()
+    };
+    let no_weights = trz_nurbs_patch {
+        weight_count: 4,
+        ..bilinear_patch()
     };
     let no_times = trz_implicit {
         times: null(),
@@ -266,6 +277,11 @@ fn null_arguments() {
         trz_implicit_set(s, ball, null());
         trz_implicit_set(s, ball, &no_sizes);
         trz_implicit_set(s, ball, &no_times);
+        trz_nurbs_patch_create(s, null(), &mut 0);
+        trz_nurbs_patch_create(s, name, null_mut());
+        trz_nurbs_patch_set(s, patch, null());
+        trz_nurbs_patch_set(s, patch, &no_knots);
+        trz_nurbs_patch_set(s, patch, &no_weights);
         trz_camera_set(s, camera, null());
         trz_camera_set(s, camera, &no_curve);
         trz_camera_set(s, camera, &no_planes);
@@ -344,6 +360,13 @@ fn empty_arrays_need_no_pointer() {
         let no_spheres = session.spheres("/no spheres");
         ok(trz_prim_set_points(session.0, no_spheres, &no_points()));
         ok(trz_implicit_set(session.0, ball, &empty_sizes));
+        let patch = session.nurbs_patch("/no patch");
+        let empty = trz_nurbs_patch {
+            u_knots: null(),
+            u_knot_count: 0,
+            ..bilinear_patch()
+        };
+        ok(trz_nurbs_patch_set(session.0, patch, &empty));
         ok(trz_instancer_set(session.0, instancer, &no_instances()));
         ok(trz_prim_set_instancer(session.0, mesh, instancer, 0));
         ok(trz_prim_set_transform(session.0, mesh, null(), 0));

@@ -74,3 +74,34 @@ fn implicit_prims_stand_where_kind_axis_and_sizes_say() {
     let miss = at(TRZ_IMPLICIT_CAPSULE, TRZ_AXIS_Y, [2.0, 0.5, 0.5], 0.6, 0.0);
     assert_eq!(miss, f32::INFINITY);
 }
+
+#[test]
+fn a_nurbs_patch_is_where_its_points_and_range_are() {
+    let session = Session::with_camera();
+    let prim = session.nurbs_patch("/patch");
+    // Points along u follow each other: corners of a square that rises along u.
+    let floats = [
+        0.0f32, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 1.0, 0.0, 1.0, 1.0, 1.0,
+    ];
+    let points = trz_points {
+        times: &0.0,
+        sample_count: 1,
+        points: &floats.as_ptr(),
+        counts: &4,
+        ..no_points()
+    };
+    let half = trz_nurbs_patch {
+        v_range: [0.5, 1.0],
+        ..bilinear_patch()
+    };
+    // SAFETY: pointers to live values.
+    unsafe {
+        ok(trz_prim_set_points(session.0, prim, &points));
+        ok(trz_nurbs_patch_set(session.0, prim, &half));
+    }
+    ok(session.commit());
+    let (t, normal) = drop_ray(&session, 0.25, 0.75);
+    assert!((t - 4.75).abs() < 1e-5, "{t}");
+    assert!(normal[0] < -0.7 && normal[2] > 0.7, "{normal:?}");
+    assert_eq!(drop_ray(&session, 0.25, 0.25).0, f32::INFINITY);
+}

@@ -96,6 +96,13 @@ impl Session {
         id
     }
 
+    pub fn nurbs_patch(&self, path: &str) -> trz_id {
+        let (path, mut id) = (CString::new(path).unwrap(), 0);
+        // SAFETY: pointers to live values.
+        ok(unsafe { trz_nurbs_patch_create(self.0, path.as_ptr(), &mut id) });
+        id
+    }
+
     pub fn implicit(&self, path: &str) -> trz_id {
         let (path, mut id) = (CString::new(path).unwrap(), 0);
         // SAFETY: pointers to live values.
@@ -276,6 +283,28 @@ pub fn curves() -> trz_curves {
         form: TRZ_CURVES_DEFAULT,
         vertex_counts: null(),
         curve_count: 0,
+    }
+}
+
+const KNOTS: [f64; 4] = [0.0, 0.0, 1.0, 1.0];
+
+/// Two by two points, orders 2.
+pub fn bilinear_patch() -> trz_nurbs_patch {
+    trz_nurbs_patch {
+        struct_size: size_of::<trz_nurbs_patch>() as u32,
+        orientation: TRZ_ORIENTATION_RIGHT_HANDED,
+        u_order: 2,
+        v_order: 2,
+        u_vertex_count: 2,
+        v_vertex_count: 2,
+        u_knots: KNOTS.as_ptr(),
+        u_knot_count: 4,
+        v_knots: KNOTS.as_ptr(),
+        v_knot_count: 4,
+        u_range: [0.0; 2],
+        v_range: [0.0; 2],
+        weights: null(),
+        weight_count: 0,
     }
 }
 
