@@ -8,8 +8,8 @@ use std::sync::Arc;
 
 use hdtrapeze_core::scene::{
     CameraDesc, CurvesDesc, Geometry, GridsDesc, ImplicitDesc, InstanceArrays, InstancerDesc,
-    MeshDesc, NurbsPatchDesc, PointsSamples, PrimCommon, PrimDesc, PrimId, PrimvarDesc,
-    PrototypeOf, RenderSettings, Scene, SpheresDesc, TransformSamples,
+    MeshDesc, NurbsCurvesDesc, NurbsPatchDesc, PointsSamples, PrimCommon, PrimDesc, PrimId,
+    PrimvarDesc, PrototypeOf, RenderSettings, Scene, SpheresDesc, TransformSamples,
 };
 use hdtrapeze_core::surface::MeshTopology;
 
@@ -26,6 +26,8 @@ pub enum Kind {
     Implicit,
     /// A NURBS patch.
     NurbsPatch,
+    /// NURBS curves.
+    NurbsCurves,
     /// Curves.
     Curves,
     /// Spheres.
@@ -47,6 +49,8 @@ pub enum Edit {
     Implicit(ImplicitDesc),
     /// Orders, knots, weights of a NURBS patch; its points stay.
     NurbsPatch(NurbsPatchDesc),
+    /// Orders, knots, weights of NURBS curves; their points stay.
+    NurbsCurves(NurbsCurvesDesc),
     /// Basis, wrap and counts of curves; their points stay.
     Curves(CurvesDesc),
     /// The grids of a grids prim.
@@ -82,11 +86,12 @@ impl Edit {
             Edit::Topology(_) => kind == Kind::Mesh,
             Edit::Points(_) => matches!(
                 kind,
-                Kind::Mesh | Kind::NurbsPatch | Kind::Curves | Kind::Spheres
+                Kind::Mesh | Kind::NurbsPatch | Kind::NurbsCurves | Kind::Curves | Kind::Spheres
             ),
             Edit::Grids(_) => kind == Kind::Grids,
             Edit::Implicit(_) => kind == Kind::Implicit,
             Edit::NurbsPatch(_) => kind == Kind::NurbsPatch,
+            Edit::NurbsCurves(_) => kind == Kind::NurbsCurves,
             Edit::Curves(_) => kind == Kind::Curves,
             Edit::Camera(_) => kind == Kind::Camera,
             Edit::Instances(_) => kind == Kind::Instancer,
@@ -335,6 +340,7 @@ fn new_prim(kind: Kind, path: &str) -> PrimDesc {
         geometry: match kind {
             Kind::Grids => Geometry::Grids(GridsDesc::default()),
             Kind::Implicit => Geometry::Implicit(ImplicitDesc::default()),
+            Kind::NurbsCurves => Geometry::NurbsCurves(NurbsCurvesDesc::default()),
             Kind::NurbsPatch => Geometry::NurbsPatch(NurbsPatchDesc::default()),
             Kind::Curves => Geometry::Curves(CurvesDesc::default()),
             Kind::Spheres => Geometry::Spheres(SpheresDesc::default()),
@@ -353,6 +359,10 @@ fn edit_prim(prim: &mut PrimDesc, edit: Edit) {
             }
         }
         (Edit::Implicit(new), Geometry::Implicit(implicit)) => *implicit = new,
+        (Edit::NurbsCurves(new), Geometry::NurbsCurves(curves)) => {
+            let points = std::mem::take(&mut curves.points);
+            *curves = NurbsCurvesDesc { points, ..new };
+        }
         (Edit::NurbsPatch(new), Geometry::NurbsPatch(patch)) => {
             let points = std::mem::take(&mut patch.points);
             *patch = NurbsPatchDesc { points, ..new };

@@ -1,18 +1,22 @@
 //! The geometry of a prim in a dump: what checking leaves of it, and its points at keys.
 
+use std::collections::BTreeMap;
+
 use glam::Vec3;
 
 use super::text::{Page, array, integers, number};
 use crate::diagnostics::Warning;
 use crate::motion::Shutter;
 use crate::scene::{
-    CurvesDesc, Geometry, GridsDesc, ImplicitDesc, MeshDesc, NurbsPatchDesc, PointsSamples,
+    CurvesDesc, Geometry, GridsDesc, ImplicitDesc, MeshDesc, NurbsCurvesDesc, NurbsPatchDesc,
+    PointsSamples,
 };
 use crate::surface::MeshTopology;
 use crate::translate::grids;
 use crate::translate::implicit;
 use crate::translate::mesh::check;
 use crate::translate::nurbs;
+use crate::translate::nurbs_curves;
 use crate::translate::points::{Bends, PointKeys, point_keys};
 
 /// Keys of paths that accelerations bend: the text must not depend on how near the camera is.
@@ -25,6 +29,7 @@ pub(super) fn kind(geometry: &Geometry) -> &'static str {
         Geometry::Grids(_) => "grids",
         Geometry::Implicit(_) => "implicit",
         Geometry::NurbsPatch(_) => "nurbs patch",
+        Geometry::NurbsCurves(_) => "nurbs curves",
         Geometry::Curves(_) => "curves",
         Geometry::Spheres(_) => "spheres",
     }
@@ -42,6 +47,7 @@ pub(super) fn write(
         Geometry::Grids(desc) => grids(page, path, desc, shutter, warnings),
         Geometry::Implicit(desc) => implicit(page, path, desc, shutter, warnings),
         Geometry::NurbsPatch(desc) => nurbs_patch(page, path, desc, shutter, warnings),
+        Geometry::NurbsCurves(desc) => nurbs_curves_as_bezier(page, path, desc, shutter, warnings),
         Geometry::Curves(desc) => curves(page, path, desc, shutter, warnings),
         Geometry::Spheres(desc) => raw_points(page, path, &desc.points, shutter, warnings),
     }
@@ -128,6 +134,20 @@ fn implicit(
     ));
     for (time, sizes) in checked.points.times.iter().zip(&checked.sizes) {
         page.line(&format!("sizes at {}: {}", number(*time), array(sizes, 3)));
+    }
+}
+
+/// NURBS curves as the curves that they become.
+fn nurbs_curves_as_bezier(
+    page: &mut Page,
+    path: &str,
+    desc: &NurbsCurvesDesc,
+    shutter: Shutter,
+    warnings: &mut Vec<Warning>,
+) {
+    match nurbs_curves::convert(path, desc, &BTreeMap::new(), warnings) {
+        Some(converted) => curves(page, path, &converted.curves, shutter, warnings),
+        None => page.line("nothing to render"),
     }
 }
 

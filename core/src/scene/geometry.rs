@@ -190,6 +190,26 @@ pub struct CurvesDesc {
     pub form: Option<CurveForm>,
 }
 
+/// NURBS curves (UsdGeomNurbsCurves); primvars as for [`CurvesDesc`], a `varying` one with a value at
+/// each end of a segment: points less order plus 2.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct NurbsCurvesDesc {
+    /// Points of each curve, as authored.
+    pub vertex_counts: Arc<Vec<i32>>,
+    /// Degree plus one of each curve.
+    pub orders: Arc<Vec<i32>>,
+    /// Knots of all curves: each has as many as points and order.
+    pub knots: Arc<Vec<f64>>,
+    /// Parameters of each curve from and to which it is rendered; 0 and 0, or none, for all.
+    pub ranges: Arc<Vec<[f64; 2]>>,
+    /// Weights of the points, which are not multiplied by them; empty: all are 1.
+    pub weights: Arc<Vec<f64>>,
+    /// What they are rendered as where they have no normals; `None`: as the settings say.
+    pub form: Option<CurveForm>,
+    /// Control points.
+    pub points: PointsSamples,
+}
+
 /// Spheres (UsdGeomPoints). The primvar `widths` gives diameters; elementId is the point.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SpheresDesc {
@@ -208,6 +228,8 @@ pub enum Geometry {
     Implicit(ImplicitDesc),
     /// A NURBS patch.
     NurbsPatch(NurbsPatchDesc),
+    /// NURBS curves.
+    NurbsCurves(NurbsCurvesDesc),
     /// Curves.
     Curves(CurvesDesc),
     /// Spheres.
@@ -220,6 +242,7 @@ impl Geometry {
         match self {
             Geometry::Mesh(mesh) => Some(&mut mesh.points),
             Geometry::NurbsPatch(patch) => Some(&mut patch.points),
+            Geometry::NurbsCurves(curves) => Some(&mut curves.points),
             Geometry::Curves(curves) => Some(&mut curves.points),
             Geometry::Spheres(spheres) => Some(&mut spheres.points),
             Geometry::Grids(_) | Geometry::Implicit(_) => None,

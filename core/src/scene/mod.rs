@@ -19,7 +19,8 @@ pub use camera::{
 };
 pub use geometry::{
     Axis, CurveBasis, CurveForm, CurveWrap, CurvesDesc, Geometry, GridsDesc, ImplicitDesc,
-    ImplicitKind, MeshDesc, NurbsPatchDesc, PointsSamples, Rates, Samples, SpheresDesc,
+    ImplicitKind, MeshDesc, NurbsCurvesDesc, NurbsPatchDesc, PointsSamples, Rates, Samples,
+    SpheresDesc,
 };
 pub use instancer::{InstanceArrays, InstancerDesc, PrototypeOf};
 pub use prim::{Interpolation, PrimCommon, PrimDesc, PrimvarDesc, TransformSamples};

@@ -83,13 +83,14 @@ def _read_topology(curves: UsdGeom.BasisCurves, shutter: Shutter, log: SceneLog)
     return CurveTopology(
         basis="LINEAR" if linear else BASES[token(curves.GetBasisAttr(), BASES, shutter.time, log)],
         wrap=WRAPS[token(curves.GetWrapAttr(), WRAPS, shutter.time, log)],
-        form=_read_form(curves, shutter, log),
+        form=read_form(curves, shutter, log),
         vertex_counts=array,
         varies=counts.ValueMightBeTimeVarying(),
     )
 
 
-def _read_form(curves: UsdGeom.BasisCurves, shutter: Shutter, log: SceneLog) -> str:
+def read_form(curves: UsdGeom.Curves, shutter: Shutter, log: SceneLog) -> str:
+    """What the curves are rendered as, a name of the C ABI's constants."""
     primvar = UsdGeom.PrimvarsAPI(curves).FindPrimvarWithInheritance(FORM_PRIMVAR)
     value = primvar.Get(shutter.time) if primvar and primvar.HasValue() else None
     if value is None:

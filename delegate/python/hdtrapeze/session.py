@@ -20,6 +20,7 @@ from .log import SceneLog
 from .mesh import BOUNDARIES, FACE_VARYING, ORIENTATIONS, SCHEMES, TRIANGLES, Topology
 from .motion import Motion
 from .nurbs import Basis
+from .nurbs_curves import NurbsBasis
 from .points import Points, Samples
 from .primvars import INTERPOLATIONS, Primvar
 from .products import RenderVar
@@ -119,7 +120,7 @@ class Session:
     # Prims ---------------------------------------------------------------------------------------
 
     def create(self, kind: str, path: str) -> int:
-        """A new prim: mesh, implicit, nurbs_patch, curves, spheres, instancer or camera."""
+        """A new prim: an instancer, a camera or what shapes.Shape.kind names."""
         out = ffi.new("trz_id *")
         self._call(f"trz_{kind}_create", _text(path), out)
         return out[0]
@@ -194,6 +195,22 @@ class Session:
         value.weights = arrays.pointer(basis.weights)
         value.weight_count = basis.weights.size
         self._call("trz_nurbs_patch_set", prim, value)
+
+    def set_nurbs_curves(self, prim: int, basis: NurbsBasis) -> None:
+        """Sets orders, knots, ranges and weights of NURBS curves."""
+        arrays = _Arrays()
+        value = native.new("trz_nurbs_curves")
+        value.form = self._value("CURVES", basis.form)
+        value.vertex_counts = arrays.pointer(basis.vertex_counts)
+        value.orders = arrays.pointer(basis.orders)
+        value.curve_count = basis.vertex_counts.size
+        value.knots = arrays.pointer(basis.knots)
+        value.knot_count = basis.knots.size
+        value.ranges = arrays.pointer(basis.ranges)
+        value.range_count = len(basis.ranges)
+        value.weights = arrays.pointer(basis.weights)
+        value.weight_count = basis.weights.size
+        self._call("trz_nurbs_curves_set", prim, value)
 
     def set_points(self, prim: int, points: Points) -> None:
         """Sets the points of a mesh or NURBS patch, of curves or spheres."""

@@ -13,6 +13,7 @@ from .curves import read_curves
 from .implicit import KINDS, read_implicit
 from .mesh import read_mesh
 from .nurbs import read_nurbs_patch
+from .nurbs_curves import read_nurbs_curves
 from .spheres import read_spheres
 
 
@@ -40,6 +41,7 @@ READERS: list[tuple[type, Reader]] = [
     (UsdGeom.Mesh, read_mesh),
     *((schema, read_implicit) for schema in KINDS),
     (UsdGeom.NurbsPatch, read_nurbs_patch),
+    (UsdGeom.NurbsCurves, read_nurbs_curves),
     (UsdGeom.BasisCurves, read_curves),
     (UsdGeom.Points, read_spheres),
 ]

@@ -17,7 +17,7 @@
  * row vectors. Enum-like fields are uint32_t and take the constants of the group that they name;
  * flags are 0 or 1.
  *
- * Edits (trz_mesh_*, trz_grids_*, trz_implicit_*, trz_nurbs_patch_*, trz_instancer_*, trz_camera_*,
+ * Edits (trz_mesh_*, trz_grids_*, trz_implicit_*, trz_nurbs_*, trz_instancer_*, trz_camera_*,
  * trz_prim_*, trz_session_set_*) are queued from any thread and take effect together, in their
  * order, at the next trz_session_commit or trz_render_start.
  *
@@ -475,6 +475,33 @@ typedef struct trz_nurbs_patch {
   // Number of weights; 0: all are 1.
   size_t weight_count;
 } trz_nurbs_patch;
+
+// NURBS curves; their points come by trz_prim_set_points. Numbers are as authored: what does not fit
+// is found at commit.
+typedef struct trz_nurbs_curves {
+  // sizeof(trz_nurbs_curves).
+  uint32_t struct_size;
+  // TRZ_CURVES_*.
+  uint32_t form;
+  // curve_count: points of each curve.
+  const int32_t *vertex_counts;
+  // curve_count: degree plus one of each curve.
+  const int32_t *orders;
+  // Number of curves.
+  size_t curve_count;
+  // Knots of the curves, concatenated: each has as many as points and order.
+  const double *knots;
+  // Number of knots.
+  size_t knot_count;
+  // range_count * 2: parameters of each curve from and to which it is rendered; 0, 0 for all.
+  const double *ranges;
+  // Number of ranges; 0: all of each curve.
+  size_t range_count;
+  // Weights of the points, which are not multiplied by them.
+  const double *weights;
+  // Number of weights; 0: all are 1.
+  size_t weight_count;
+} trz_nurbs_curves;
 
 // Lens, film back and exposure at one instant; fields as in trz_camera.
 typedef struct trz_lens_sample {
@@ -1063,6 +1090,22 @@ trz_result trz_nurbs_patch_create(struct trz_session *session, const char *path,
 trz_result trz_nurbs_patch_set(struct trz_session *session,
                                trz_id prim,
                                const struct trz_nurbs_patch *patch);
+
+// Queues NURBS curves without points. path (UTF-8) names them in messages.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT (path), TRZ_ERROR_POISONED.
+// Threads: any.
+trz_result trz_nurbs_curves_create(struct trz_session *session, const char *path, trz_id *out);
+
+// Queues orders, knots and weights of NURBS curves, in place of those before; everything is copied.
+// Primvars are as for curves (trz_curves_set); one that varies has a value at each end of a segment:
+// points - order + 2 a curve.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
+// TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_POISONED. Threads: any.
+trz_result trz_nurbs_curves_set(struct trz_session *session,
+                                trz_id prim,
+                                const struct trz_nurbs_curves *curves);
 
 // Queues a camera with trz_camera_default's values. path (UTF-8) names it in messages and
 // metadata.

@@ -231,6 +231,40 @@ pub unsafe extern "C" fn trz_nurbs_patch_set(
     }
 }
 
+/// Queues NURBS curves without points. path (UTF-8) names them in messages.
+///
+/// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT (path), TRZ_ERROR_POISONED.
+/// Threads: any.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trz_nurbs_curves_create(
+    session: *mut trz_session,
+    path: *const c_char,
+    out: *mut trz_id,
+) -> trz_result {
+    // SAFETY: the caller passes null or valid pointers.
+    unsafe { create(session, Kind::NurbsCurves, path, out) }
+}
+
+/// Queues orders, knots and weights of NURBS curves, in place of those before; everything is copied.
+/// Primvars are as for curves (trz_curves_set); one that varies has a value at each end of a segment:
+/// points - order + 2 a curve.
+///
+/// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
+/// TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_POISONED. Threads: any.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trz_nurbs_curves_set(
+    session: *mut trz_session,
+    prim: trz_id,
+    curves: *const trz_nurbs_curves,
+) -> trz_result {
+    // SAFETY: the caller passes null or valid pointers.
+    unsafe {
+        edit(session, prim, || {
+            convert::nurbs_curves(&input::read(curves, "curves")?).map(Edit::NurbsCurves)
+        })
+    }
+}
+
 /// Queues a camera with trz_camera_default's values. path (UTF-8) names it in messages and
 /// metadata.
 ///

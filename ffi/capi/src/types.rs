@@ -309,6 +309,35 @@ pub struct trz_nurbs_patch {
     pub weight_count: usize,
 }
 
+/// NURBS curves; their points come by trz_prim_set_points. Numbers are as authored: what does not fit
+/// is found at commit.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct trz_nurbs_curves {
+    /// sizeof(trz_nurbs_curves).
+    pub struct_size: u32,
+    /// TRZ_CURVES_*.
+    pub form: u32,
+    /// curve_count: points of each curve.
+    pub vertex_counts: *const i32,
+    /// curve_count: degree plus one of each curve.
+    pub orders: *const i32,
+    /// Number of curves.
+    pub curve_count: usize,
+    /// Knots of the curves, concatenated: each has as many as points and order.
+    pub knots: *const f64,
+    /// Number of knots.
+    pub knot_count: usize,
+    /// range_count * 2: parameters of each curve from and to which it is rendered; 0, 0 for all.
+    pub ranges: *const f64,
+    /// Number of ranges; 0: all of each curve.
+    pub range_count: usize,
+    /// Weights of the points, which are not multiplied by them.
+    pub weights: *const f64,
+    /// Number of weights; 0: all are 1.
+    pub weight_count: usize,
+}
+
 /// Lens, film back and exposure at one instant; fields as in trz_camera.
 #[repr(C)]
 #[derive(Clone, Copy)]

@@ -60,6 +60,7 @@ pub(super) fn make(
         Geometry::Grids(desc) => grids::make(prim, desc, context, out),
         Geometry::Implicit(desc) => implicit::make(prim, desc, context, out),
         Geometry::NurbsPatch(desc) => nurbs::make(prim, desc, context, out),
+        Geometry::NurbsCurves(desc) => nurbs::make_curves(prim, desc, context, out),
         Geometry::Curves(desc) => curves::make(prim, desc, context, out),
         Geometry::Spheres(desc) => spheres::make(prim, desc, context, out),
     }

@@ -1,14 +1,15 @@
-//! NURBS patches.
+//! NURBS patches, and NURBS curves by way of Bezier curves.
 
 use super::surface::dice_surface;
-use super::{Shape, Target};
+use super::{Shape, Target, curves};
 use crate::grid::DicedMesh;
 use crate::render::objects::{Context, PrimObjects};
-use crate::scene::{NurbsPatchDesc, PrimDesc};
+use crate::scene::{Geometry, NurbsCurvesDesc, NurbsPatchDesc, PrimCommon, PrimDesc};
 use crate::shade::{DEFAULT_ALBEDO, PrimShading, Source};
 use crate::surface::nurbs::NurbsSurface;
 use crate::surface::{ChannelKind, Orientation};
 use crate::translate::nurbs::check;
+use crate::translate::nurbs_curves::convert;
 use crate::translate::points::PointKeys;
 use crate::translate::primvar::{ChannelData, Resolved};
 use crate::translate::values::{self, Values};
@@ -80,4 +81,26 @@ pub(super) fn make(
         points: checked.points,
         orientation: desc.orientation,
     }))
+}
+
+/// Converts NURBS curves, and goes on as for the curves that they become.
+pub(super) fn make_curves(
+    prim: &PrimDesc,
+    desc: &NurbsCurvesDesc,
+    context: &Context<'_>,
+    out: &mut PrimObjects,
+) -> Option<Box<dyn Shape>> {
+    let common = &prim.common;
+    let converted = convert(&common.path, desc, &common.primvars, &mut out.warnings)?;
+    let prim = PrimDesc {
+        common: PrimCommon {
+            primvars: converted.primvars,
+            ..common.clone()
+        },
+        geometry: Geometry::Curves(converted.curves),
+    };
+    match &prim.geometry {
+        Geometry::Curves(desc) => curves::make(&prim, desc, context, out),
+        _ => None,
+    }
 }

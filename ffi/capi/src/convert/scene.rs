@@ -5,7 +5,8 @@ use std::sync::Arc;
 use glam::{DMat4, Vec3};
 use hdtrapeze_core::scene::{
     Axis, CurveBasis, CurveForm, CurveWrap, CurvesDesc, GridsDesc, ImplicitDesc, ImplicitKind,
-    Interpolation, NurbsPatchDesc, PointsSamples, PrimvarDesc, Rates, Samples, TransformSamples,
+    Interpolation, NurbsCurvesDesc, NurbsPatchDesc, PointsSamples, PrimvarDesc, Rates, Samples,
+    TransformSamples,
 };
 use hdtrapeze_core::surface::{
     BoundaryInterpolation, FaceVaryingLinear, Orientation, Scheme, TriangleRule,
@@ -192,6 +193,27 @@ pub(crate) unsafe fn implicit(from: &trz_implicit) -> Result<ImplicitDesc, Fault
             orientation: pick(&sides, from.orientation, "orientation")?,
             times: copied(slice(from.times, from.sample_count, "times")?, |&t| t)?,
             sizes: copied(sizes, |&s| s)?,
+        })
+    }
+}
+
+pub(crate) unsafe fn nurbs_curves(from: &trz_nurbs_curves) -> Result<NurbsCurvesDesc, Fault> {
+    let ends = times(from.range_count, 2, "ranges")?;
+    // SAFETY: as the caller promises.
+    unsafe {
+        let counts = slice(from.vertex_counts, from.curve_count, "vertex_counts")?;
+        let orders = slice(from.orders, from.curve_count, "orders")?;
+        let knots = slice(from.knots, from.knot_count, "knots")?;
+        let (ranges, _) = slice(from.ranges, ends, "ranges")?.as_chunks::<2>();
+        let weights = slice(from.weights, from.weight_count, "weights")?;
+        Ok(NurbsCurvesDesc {
+            vertex_counts: Arc::new(copied(counts, |&n| n)?),
+            orders: Arc::new(copied(orders, |&n| n)?),
+            knots: Arc::new(copied(knots, |&x| x)?),
+            ranges: Arc::new(copied(ranges, |&r| r)?),
+            weights: Arc::new(copied(weights, |&x| x)?),
+            form: curve_form(from.form, "form")?,
+            ..NurbsCurvesDesc::default()
         })
     }
 }

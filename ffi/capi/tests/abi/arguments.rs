@@ -96,6 +96,19 @@ fn enums_flags_and_strings() {
             change(&mut value);
             fails(trz_nurbs_patch_set(s, patch, &value), bad);
         }
+        let nurbs_curves = session.nurbs_curves("/nurbs curves");
+        let curve_changes: [fn(&mut trz_nurbs_curves); 4] = [
+            |c| c.form = 4,
+            |c| c.range_count = usize::MAX,
+            |c| c.curve_count = usize::MAX / 2,
+            |c| c.struct_size -= 1,
+        ];
+        for change in curve_changes {
+            let mut value = line();
+            change(&mut value);
+            fails(trz_nurbs_curves_set(s, nurbs_curves, &value), bad);
+        }
+        fails(trz_nurbs_curves_set(s, mesh, &line()), bad);
         for change in implicit_changes {
             let mut sphere = sphere();
             change(&mut sphere);

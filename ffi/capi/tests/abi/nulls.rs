@@ -37,6 +37,8 @@ fn null_session() {
         trz_implicit_set(s, 1, null());
         trz_nurbs_patch_create(s, c"/a".as_ptr(), &mut 0);
         trz_nurbs_patch_set(s, 1, null());
+        trz_nurbs_curves_create(s, c"/a".as_ptr(), &mut 0);
+        trz_nurbs_curves_set(s, 1, null());
         trz_camera_create(s, c"/a".as_ptr(), &mut 0);
         trz_camera_set(s, 1, &camera);
         trz_prim_set_transform(s, 1, null(), 0);
@@ -152,6 +154,15 @@ fn null_arguments() {
     let no_weights = trz_nurbs_patch {
         weight_count: 4,
         ..bilinear_patch()
+    };
+    let nurbs_curves = session.nurbs_curves("/nurbs curves");
+    let no_orders = trz_nurbs_curves {
+        orders: null(),
+        ..line()
+    };
+    let no_ranges = trz_nurbs_curves {
+        range_count: 1,
+        ..line()
     };
     let no_times = trz_implicit {
         times: null(),
@@ -282,6 +293,11 @@ fn null_arguments() {
         trz_nurbs_patch_set(s, patch, null());
         trz_nurbs_patch_set(s, patch, &no_knots);
         trz_nurbs_patch_set(s, patch, &no_weights);
+        trz_nurbs_curves_create(s, null(), &mut 0);
+        trz_nurbs_curves_create(s, name, null_mut());
+        trz_nurbs_curves_set(s, nurbs_curves, null());
+        trz_nurbs_curves_set(s, nurbs_curves, &no_orders);
+        trz_nurbs_curves_set(s, nurbs_curves, &no_ranges);
         trz_camera_set(s, camera, null());
         trz_camera_set(s, camera, &no_curve);
         trz_camera_set(s, camera, &no_planes);
@@ -360,6 +376,14 @@ fn empty_arrays_need_no_pointer() {
         let no_spheres = session.spheres("/no spheres");
         ok(trz_prim_set_points(session.0, no_spheres, &no_points()));
         ok(trz_implicit_set(session.0, ball, &empty_sizes));
+        let no_lines = trz_nurbs_curves {
+            vertex_counts: null(),
+            orders: null(),
+            curve_count: 0,
+            ..line()
+        };
+        let lines = session.nurbs_curves("/no lines");
+        ok(trz_nurbs_curves_set(session.0, lines, &no_lines));
         let patch = session.nurbs_patch("/no patch");
         let empty = trz_nurbs_patch {
             u_knots: null(),

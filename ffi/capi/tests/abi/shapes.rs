@@ -105,3 +105,47 @@ fn a_nurbs_patch_is_where_its_points_and_range_are() {
     assert!(normal[0] < -0.7 && normal[2] > 0.7, "{normal:?}");
     assert_eq!(drop_ray(&session, 0.25, 0.25).0, f32::INFINITY);
 }
+
+#[test]
+fn nurbs_curves_go_where_their_points_do() {
+    let session = Session::with_camera();
+    let prim = session.nurbs_curves("/line");
+    let floats = [-1.0f32, 0.5, 0.0, 1.0, 0.5, 0.0];
+    let points = trz_points {
+        times: &0.0,
+        sample_count: 1,
+        points: &floats.as_ptr(),
+        counts: &2,
+        ..no_points()
+    };
+    let width = trz_primvar {
+        struct_size: size_of::<trz_primvar>() as u32,
+        interpolation: TRZ_INTERPOLATION_CONSTANT,
+        width: 1,
+        values: &0.5,
+        value_count: 1,
+        indices: std::ptr::null(),
+        index_count: 0,
+    };
+    let half = trz_nurbs_curves {
+        ranges: [0.0, 0.5].as_ptr(),
+        range_count: 1,
+        ..line()
+    };
+    // SAFETY: pointers to live values.
+    unsafe {
+        ok(trz_prim_set_points(session.0, prim, &points));
+        ok(trz_prim_set_primvar(
+            session.0,
+            prim,
+            c"widths".as_ptr(),
+            &width,
+        ));
+        ok(trz_nurbs_curves_set(session.0, prim, &half));
+    }
+    ok(session.commit());
+    let (t, _) = drop_ray(&session, -0.5, 0.5);
+    assert!((t - 4.75).abs() < 0.02, "{t}");
+    assert_eq!(drop_ray(&session, 0.5, 0.5).0, f32::INFINITY);
+    assert_eq!(drop_ray(&session, -0.5, 0.8).0, f32::INFINITY);
+}

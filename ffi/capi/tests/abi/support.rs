@@ -96,6 +96,13 @@ impl Session {
         id
     }
 
+    pub fn nurbs_curves(&self, path: &str) -> trz_id {
+        let (path, mut id) = (CString::new(path).unwrap(), 0);
+        // SAFETY: pointers to live values.
+        ok(unsafe { trz_nurbs_curves_create(self.0, path.as_ptr(), &mut id) });
+        id
+    }
+
     pub fn nurbs_patch(&self, path: &str) -> trz_id {
         let (path, mut id) = (CString::new(path).unwrap(), 0);
         // SAFETY: pointers to live values.
@@ -303,6 +310,23 @@ pub fn bilinear_patch() -> trz_nurbs_patch {
         v_knot_count: 4,
         u_range: [0.0; 2],
         v_range: [0.0; 2],
+        weights: null(),
+        weight_count: 0,
+    }
+}
+
+/// One curve of two points and order 2.
+pub fn line() -> trz_nurbs_curves {
+    trz_nurbs_curves {
+        struct_size: size_of::<trz_nurbs_curves>() as u32,
+        form: TRZ_CURVES_TUBES,
+        vertex_counts: &2,
+        orders: &2,
+        curve_count: 1,
+        knots: KNOTS.as_ptr(),
+        knot_count: 4,
+        ranges: null(),
+        range_count: 0,
         weights: null(),
         weight_count: 0,
     }
