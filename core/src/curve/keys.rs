@@ -14,8 +14,10 @@ use crate::camera::Camera;
 use crate::dice::{Eye, RasterMetric};
 use crate::motion::PointPath;
 
-/// Pixels that an edge may be off by between keys.
+/// Pixels that an edge may be off by between keys...
 const TOLERANCE: f64 = 0.1;
+/// ...and share of its distance from the middle: what is thinner than a pixel must not lose coverage.
+const SHARE: f64 = 0.02;
 /// Curves that are looked at, at most.
 const PROBES: usize = 512;
 /// Keys, at most.
@@ -73,7 +75,7 @@ pub fn find(
     let key_of = |k: usize| if still { 0 } else { k };
     if still {
         let worst = (0..3).map(|k| off(metric, 0, &seen[1], &seen[k], 0.5));
-        if worst.fold(0.0, f64::max) <= TOLERANCE {
+        if worst.fold(0.0, f64::max) <= 1.0 {
             return Keys {
                 path: path.clone(),
                 eyes: with_eyes(path),
@@ -92,7 +94,7 @@ pub fn find(
     let mut keys = vec![times[0]];
     for k in 1..times.len() {
         let off = off(metric, key_of(k), &seen[k - 1], &seen[k], 1.0);
-        let parts = (off / TOLERANCE).sqrt().ceil().clamp(1.0, room as f64);
+        let parts = off.sqrt().ceil().clamp(1.0, room as f64);
         let (a, b) = (times[k - 1], times[k]);
         keys.extend((1..parts as usize).map(|i| a + (b - a) * (i as f32 / parts as f32)));
         keys.push(b);
@@ -120,8 +122,9 @@ pub fn find(
     }
 }
 
-/// Pixels by which edges that turn from `a` to `b` come nearer to the middle: all of the turn between two
-/// keys (`share` 1), or all of it against one that stands still (`share` 1/2 of a turn twice as far).
+/// By how much edges that turn from `a` to `b` come nearer to the middle, in units of what they may: all
+/// of the turn between two keys (`share` 1), or all of it against one that stands still (`share`
+/// 1/2 of a turn twice as far).
 fn off(metric: &RasterMetric, key: usize, a: &[Watched], b: &[Watched], share: f64) -> f64 {
     let of = |(a, b): (&Watched, &Watched)| {
         let cosine = a.edge.dot(b.edge) / (a.edge.length() * b.edge.length());
@@ -129,9 +132,10 @@ fn off(metric: &RasterMetric, key: usize, a: &[Watched], b: &[Watched], share: f
             return 0.0;
         }
         let turn = cosine.clamp(-1.0, 1.0).acos() / share;
-        let near = a.edge * (1.0 - (0.5 * turn).cos().max(0.0));
+        let near = 1.0 - (0.5 * turn).cos().max(0.0);
         let p = a.p.as_vec3();
-        f64::from(metric.length(key, p, p + near.as_vec3()))
+        let pixels = f64::from(metric.length(key, p, p + (a.edge * near).as_vec3()));
+        (near / SHARE).max(pixels / TOLERANCE)
     };
     a.iter().zip(b).map(of).fold(0.0, f64::max)
 }

@@ -29,10 +29,9 @@ const LONGEST_OVER_SEGMENTS: f32 = 2.0;
 const MOST_PIECES: u32 = 256;
 /// Times that a segment is cut anew because its cross-section turns.
 const ROUNDS: usize = 5;
-/// Cosine of the most that a cross-section turns within a cell, where it is wider than a hair.
-const MOST_TURN: f32 = 0.7;
-/// Radius in pixels below which the turn does not matter.
-const THIN: f32 = 0.25;
+/// Cosine of the most that a cross-section turns within a cell: half way it is then 3 % narrower. What
+/// is thinner than a pixel must not lose coverage.
+const MOST_TURN: f32 = 0.88;
 /// Keys that are looked at, at most.
 const MOST_KEYS: usize = 5;
 
@@ -329,8 +328,7 @@ impl<'a> Rater<'a> {
         let directions = if tube { &look.ways } else { &look.sides };
         let cosine = directions[a].dot(directions[b]);
         let radius = look.radii[a].max(look.radii[b]);
-        radius * (1.0 - cosine) <= 4.0 * self.rating.tolerance
-            && (radius < THIN || cosine > MOST_TURN)
+        radius * (1.0 - cosine) <= 4.0 * self.rating.tolerance && cosine > MOST_TURN
     }
 
     fn mark_corners(&mut self, widest: f32) {

@@ -23,6 +23,12 @@ const ONE_CELL: f32 = 0.5;
 /// Radius, in shading rates, from which a sphere has two halves: it may show its back, to a lens at its
 /// side and one day to lights.
 const FULL: f32 = 16.0;
+/// Turns, in radians, up to which a hemisphere that faces the camera half way is enough: at both ends its
+/// rim is 2 % nearer to the middle.
+const MOST_TURN: f64 = 0.4;
+/// Fewest cells along a side of a full sphere's halves: seen from its side, it is darker than it should
+/// be where normals are interpolated over fewer.
+const FEWEST_FULL: u16 = 12;
 /// Most cells along a side of a hemisphere.
 const MOST: u16 = 128;
 /// Factor on the shading rate where there are too many micropolygons.
@@ -106,12 +112,12 @@ impl Form {
         }
     }
 
-    fn lattice(self) -> Vec<LatticeVertex> {
+    /// Normals are those that look right from the front, where there is one.
+    fn lattice(self, has_front: bool) -> Vec<LatticeVertex> {
         match self {
             Form::Nothing => Vec::new(),
             Form::Quad => quad(),
-            Form::Facing(n) => hemisphere(n.into(), true),
-            Form::Full(n) => hemisphere(n.into(), false),
+            Form::Facing(n) | Form::Full(n) => hemisphere(n.into(), has_front),
         }
     }
 }
@@ -178,7 +184,7 @@ pub fn dice(input: &SphereDice<'_>) -> Result<SphereDiced, DiceError> {
         .copied()
         .collect::<std::collections::BTreeSet<Form>>()
         .into_iter()
-        .map(|form| (form, form.lattice()))
+        .map(|form| (form, form.lattice(eyes.is_some())))
         .collect();
     let turns = turn > STEADY
         || (1..path.key_times().len()).any(|k| path.normal_matrix(k) != path.normal_matrix(0));
@@ -303,9 +309,9 @@ impl Rater<'_> {
         let n = 2 * ((sides / 8.0).ceil() as u16).clamp(1, MOST / 2);
         // Half a turn away from where it faces, a hemisphere's rim comes nearer by r (1 - cos).
         let near = f64::from(pixels) * (1.0 - (0.5 * turn).cos());
-        let full = pixels > FULL * self.rate || near > f64::from(tolerance);
+        let full = pixels > FULL * self.rate || near > f64::from(tolerance) || turn > MOST_TURN;
         let form = if self.eyes.is_none() || full {
-            Form::Full(n)
+            Form::Full(n.max(FEWEST_FULL))
         } else if pixels <= ONE_CELL * self.rate {
             Form::Quad
         } else {
@@ -339,20 +345,24 @@ impl Filler<'_, '_, '_> {
         };
         let path = self.input.path;
         let radius = self.input.set.radius(element);
-        let facing = if halves == 1 { self.eyes } else { None };
+        let keys = path.key_times().len();
         let row = usize::from(n) + 1;
         for half in 0..halves {
             let part = &mut *self.part;
             each_tile(n, |columns, rows| {
                 let slot = part.grid(element, columns.len(), rows.len());
                 let mut side = None;
-                for key in 0..path.key_times().len() {
+                for key in 0..keys {
                     let matrix = path.matrix(key);
                     let normal_matrix = path.normal_matrix(key);
                     let p = centre(self.input, element, key);
-                    let frame = match facing {
+                    let frame = match self.eyes {
                         None => [DVec3::X, DVec3::Y, DVec3::Z],
                         Some(eyes) => {
+                            // A full sphere turns its best side once.
+                            let key = if halves == 1 { key } else { keys / 2 };
+                            let p = centre(self.input, element, key);
+                            let matrix = path.matrix(key);
                             let view = eyes[key].from(matrix.transform_point3(p) - path.origin());
                             axes(&matrix.matrix3, view, side)
                         }
