@@ -5,7 +5,7 @@ mod trace_scenes;
 
 use glam::{DAffine3, DVec3, Vec3};
 use hdtrapeze_core::bvh::object::{Blas, BlockTree};
-use hdtrapeze_core::bvh::{Bounds8, Frame, LinearBox, ObjectGeometry, Tree};
+use hdtrapeze_core::bvh::{Bounds8, Frame, LinearBox, ObjectGeometry, SMALL_GRID, Tree};
 use hdtrapeze_core::grid::DicedMesh;
 use hdtrapeze_core::trace::instance::world_bounds;
 use proptest::prelude::*;
@@ -56,7 +56,11 @@ fn check_tree<B: Bounds8>(
     let mut all = Vec::new();
     let children: Vec<(LinearBox, u32, Vertices)>;
     let frame;
-    if reference & Tree::<B>::LEAF != 0 {
+    if reference & Tree::<B>::LEAF != 0 && reference & SMALL_GRID != 0 {
+        // A grid by itself: its bounds are those of the node above.
+        let g = (reference & !(Tree::<B>::LEAF | SMALL_GRID)) as usize;
+        return Ok((0..mesh.grids[g].vertex_count()).map(|i| (g, i)).collect());
+    } else if reference & Tree::<B>::LEAF != 0 {
         let block = &tree.blocks[(reference & !Tree::<B>::LEAF) as usize];
         let g = block.span.grid as usize;
         let stride = usize::from(mesh.grids[g].nu) + 1;

@@ -5,6 +5,8 @@
 //! same 8 groups, so that strips of narrow grids (fur) fill their nodes; groups shrink while 8 are
 //! enough. Where the box of a block is mostly empty, as along a tilted strand, the block is halved for
 //! as long as that pays ([`refine`]).
+//!
+//! A grid that is no larger than one group ([`is_small`]) needs no block: the tree refers to it itself.
 
 use glam::Vec3;
 
@@ -106,6 +108,38 @@ pub struct Block<B> {
     pub frame: u32,
     /// What the block covers.
     pub span: Span,
+}
+
+/// True for a grid of one group: a whole block for it would be mostly empty.
+pub fn is_small(grid: &Grid) -> bool {
+    usize::from(grid.nu) <= GROUP.0 && usize::from(grid.nv) <= GROUP.1
+}
+
+/// The one group of a small grid.
+#[inline(always)]
+pub fn whole(grid: &Grid) -> CellRect {
+    CellRect {
+        i: 0,
+        j: 0,
+        w: grid.nu as u8,
+        h: grid.nv as u8,
+    }
+}
+
+/// Axis-aligned bounds of a small grid. None where a vertex is not finite, or beyond
+/// [`COORDINATE_LIMIT`].
+pub fn bound_small(mesh: &DicedMesh, number: u32) -> Option<LinearBox> {
+    let rect = whole(&mesh.grids[number as usize]);
+    let span = Span {
+        grid: number,
+        rect,
+        group: [rect.w, rect.h],
+        columns: 1,
+        count: 1,
+    };
+    let bounds = group_boxes(mesh, &span, None)[0];
+    let sound = bounds.is_finite() && bounds.max_abs() < COORDINATE_LIMIT;
+    (sound && all_finite(mesh, &span)).then_some(bounds)
 }
 
 /// Cuts a grid into as few blocks as the shapes 8x8, 4x16 and 16x4 allow, evenly.

@@ -15,8 +15,8 @@
 //! over the whole shutter is raised by its largest excess at an inner key ([`linear`]).
 //!
 //! **Shape.** A grid is cut into *blocks* of up to 8x8 micropolygons ([`block`]). A block is one node
-//! with 8 implicit children, each a *group* of up to 4x2 micropolygons: no pointers. Over blocks
-//! stands a tree of 8-wide nodes ([`build`]), built by binned SAH on the time-averaged area. The 8
+//! with 8 implicit children, each a *group* of up to 4x2 micropolygons: no pointers; a grid of one
+//! group needs no block. Over both stands a tree of 8-wide nodes ([`build`]), built by binned SAH on the time-averaged area. The 8
 //! children of a node share one frame ([`frame`]): the identity (an AABB) or a rotation, chosen
 //! where surface-area cost says that it pays. What does not move stores no second bounds: all nodes
 //! are generic over [`node::Bounds8`].
@@ -35,7 +35,7 @@ pub use build::Tree;
 pub use frame::Frame;
 pub use linear::LinearBox;
 pub use node::{Bounds8, LinearSlabs, Node, StaticSlabs};
-pub use object::{BvhStats, ObjectGeometry};
+pub use object::{BvhStats, ObjectGeometry, SMALL_GRID};
 
 /// Unit roundoff of f32: `|fl(x) - x| <= U |x|`.
 pub const U: f32 = 1.0 / (1 << 24) as f32;

@@ -1,4 +1,4 @@
-//! One object, ready to be traced: its diced mesh and the tree over its blocks.
+//! One object, ready to be traced: its diced mesh and the tree over its blocks and small grids.
 //!
 //! Shared by `Arc` between instances.
 
@@ -9,10 +9,14 @@ use super::build::{self, Tree};
 use super::{Bounds8, Frame, LinearBox, LinearSlabs, StaticSlabs};
 use crate::grid::DicedMesh;
 
+/// Set in an item of the tree that is a small grid ([`block::is_small`]) rather than a block.
+pub const SMALL_GRID: u32 = 1 << 30;
+
 /// Tree and blocks of one object.
 #[derive(Clone, Debug)]
 pub struct BlockTree<B> {
-    /// Tree over blocks. Blocks use its frames too.
+    /// Tree over blocks, by number, and small grids, by number and [`SMALL_GRID`]. Blocks use its
+    /// frames too.
     pub tree: Tree<B>,
     /// Blocks, in the order of grids.
     pub blocks: Vec<Block<B>>,
@@ -36,6 +40,8 @@ pub struct BvhStats {
     pub oriented_nodes: u64,
     /// Blocks.
     pub blocks: u64,
+    /// Grids that the tree refers to without a block.
+    pub small_grids: u64,
     /// Blocks with a rotated frame.
     pub oriented_blocks: u64,
     /// Micropolygons.
@@ -56,6 +62,7 @@ impl BvhStats {
             nodes: self.nodes + o.nodes,
             oriented_nodes: self.oriented_nodes + o.oriented_nodes,
             blocks: self.blocks + o.blocks,
+            small_grids: self.small_grids + o.small_grids,
             oriented_blocks: self.oriented_blocks + o.oriented_blocks,
             cells: self.cells + o.cells,
             dropped_grids: self.dropped_grids + o.dropped_grids,
@@ -80,6 +87,7 @@ impl ObjectGeometry {
     /// index out of range) are left out and counted in [`BvhStats::dropped_grids`].
     pub fn new(mesh: DicedMesh) -> Self {
         let mut spans: Vec<Span> = Vec::new();
+        let mut small: Vec<u32> = Vec::new();
         let mut dropped: u64 = 0;
         let usable = !mesh.key_times.is_empty()
             && mesh.positions.len() >= mesh.vertex_count * mesh.key_count()
@@ -88,6 +96,10 @@ impl ObjectGeometry {
                 || mesh.key_times.first() == Some(&0.0) && mesh.key_times.last() == Some(&1.0));
         for (g, grid) in mesh.grids.iter().enumerate() {
             if usable && block::is_sound(&mesh, grid) {
+                if block::is_small(grid) && g < SMALL_GRID as usize {
+                    small.push(g as u32);
+                    continue;
+                }
                 for span in block::cut(g as u32, grid) {
                     block::refine(&mesh, span, &mut spans);
                 }
@@ -102,10 +114,10 @@ impl ObjectGeometry {
             ..BvhStats::default()
         };
         let (blas, bounds, radius) = if mesh.is_moving() {
-            let (tree, bounds, radius) = build_blocks(&mesh, spans, &mut stats);
+            let (tree, bounds, radius) = build_blocks(&mesh, spans, &small, &mut stats);
             (Blas::Moving(tree), bounds, radius)
         } else {
-            let (tree, bounds, radius) = build_blocks(&mesh, spans, &mut stats);
+            let (tree, bounds, radius) = build_blocks(&mesh, spans, &small, &mut stats);
             (Blas::Static(tree), bounds, radius)
         };
         Self {
@@ -137,7 +149,7 @@ impl ObjectGeometry {
     }
     /// True when nothing can be hit.
     pub fn is_empty(&self) -> bool {
-        self.stats.blocks == 0
+        self.stats.blocks + self.stats.small_grids == 0
     }
     /// Numbers about the tree.
     pub fn stats(&self) -> &BvhStats {
@@ -160,6 +172,7 @@ fn mesh_bytes(mesh: &DicedMesh) -> u64 {
 fn build_blocks<B: Bounds8>(
     mesh: &DicedMesh,
     spans: Vec<Span>,
+    small: &[u32],
     stats: &mut BvhStats,
 ) -> (BlockTree<B>, LinearBox, f32) {
     let built: Vec<Option<BuiltBlock<B>>> = spans
@@ -177,8 +190,15 @@ fn build_blocks<B: Bounds8>(
     bad.dedup();
     stats.dropped_grids += bad.len() as u64;
 
+    let grids: Vec<Option<LinearBox>> = small
+        .par_iter()
+        .with_min_len(256)
+        .map(|&g| block::bound_small(mesh, g))
+        .collect();
+    stats.dropped_grids += grids.iter().filter(|b| b.is_none()).count() as u64;
+
     let mut blocks = Vec::with_capacity(built.len());
-    let mut boxes = Vec::with_capacity(built.len());
+    let mut boxes = Vec::with_capacity(built.len() + grids.len());
     let mut frames: Vec<Frame> = vec![Frame::IDENTITY];
     let mut bounds = LinearBox::EMPTY;
     let mut radius: f32 = 0.0;
@@ -196,19 +216,23 @@ fn build_blocks<B: Bounds8>(
         bounds = bounds.union(&b.aabb);
         radius = radius.max(b.max_abs);
     }
+    for (&g, b) in small.iter().zip(&grids) {
+        let Some(b) = b else { continue };
+        boxes.push((SMALL_GRID | g, *b));
+        bounds = bounds.union(b);
+        radius = radius.max(b.max_abs());
+    }
     stats.oriented_blocks = frames.len() as u64 - 1;
+    let is_empty = boxes.is_empty();
     let mut tree: Tree<B> = build::build(boxes);
     tree.frames = frames;
     // Raised bounds of different children union to no more than the root's; oriented ones may reach
     // farther than any vertex, and are part of the radius.
-    radius = radius.max(if blocks.is_empty() {
-        0.0
-    } else {
-        bounds.max_abs()
-    });
+    radius = radius.max(if is_empty { 0.0 } else { bounds.max_abs() });
     stats.nodes = tree.nodes.len() as u64;
     stats.oriented_nodes = tree.nodes.iter().filter(|n| n.frame != 0).count() as u64;
     stats.blocks = blocks.len() as u64;
+    stats.small_grids = grids.iter().flatten().count() as u64;
     stats.bvh_bytes = (tree.bytes() + size_of_val(blocks.as_slice())) as u64;
     (BlockTree { tree, blocks }, bounds, radius)
 }

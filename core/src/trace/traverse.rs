@@ -8,8 +8,9 @@
 use super::cell::{CellHit, CellRay};
 use super::object_ray::ObjectRay;
 use super::{Hit, TraceCounts};
+use crate::bvh::block::{CellRect, whole};
 use crate::bvh::node::enter;
-use crate::bvh::object::BlockTree;
+use crate::bvh::object::{BlockTree, SMALL_GRID};
 use crate::bvh::{Bounds8, Tree};
 use crate::grid::DicedMesh;
 
@@ -168,7 +169,30 @@ pub(super) fn trace_object<B: Bounds8>(
     counts: &mut TraceCounts,
 ) {
     let cells = CellRay::new(ray, &mesh.key_times);
+    let group = |grid: u32, rect: CellRect, query: &mut Query, counts: &mut TraceCounts| {
+        counts.cell_tests += u64::from(rect.w) * u64::from(rect.h);
+        let accept = |cell: u32, hit: CellHit| {
+            query.offer(Hit {
+                t: hit.t,
+                u: hit.u,
+                v: hit.v,
+                instance,
+                grid,
+                cell,
+            });
+        };
+        if B::MOVING {
+            cells.test_group::<true>(mesh, grid, rect, accept);
+        } else {
+            cells.test_group::<false>(mesh, grid, rect, accept);
+        }
+    };
     let leaf = |item: u32, query: &mut Query, _: &mut Stack, counts: &mut TraceCounts| {
+        if item & SMALL_GRID != 0 {
+            let grid = item & !SMALL_GRID;
+            group(grid, whole(&mesh.grids[grid as usize]), query, counts);
+            return;
+        }
         let block = &blocks.blocks[item as usize];
         counts.node_tests += 1;
         let turned;
@@ -193,24 +217,7 @@ pub(super) fn trace_object<B: Bounds8>(
             if near[slot as usize] > query.best.t {
                 return;
             }
-            let rect = block.span.group_rect(slot);
-            counts.cell_tests += u64::from(rect.w) * u64::from(rect.h);
-            let grid = block.span.grid;
-            let accept = |cell: u32, hit: CellHit| {
-                query.offer(Hit {
-                    t: hit.t,
-                    u: hit.u,
-                    v: hit.v,
-                    instance,
-                    grid,
-                    cell,
-                });
-            };
-            if B::MOVING {
-                cells.test_group::<true>(mesh, grid, rect, accept);
-            } else {
-                cells.test_group::<false>(mesh, grid, rect, accept);
-            }
+            group(block.span.grid, block.span.group_rect(slot), query, counts);
             if query.done() {
                 return;
             }
