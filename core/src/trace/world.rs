@@ -11,7 +11,7 @@ use super::object_ray::{ObjectRay, SLAB_PAD};
 use super::places::{InstanceSet, Record, Shift};
 use super::traverse::{Query, Stack, trace_object, walk};
 use super::{Hit, Ray, TraceCounts};
-use crate::bvh::build::{Item, build_items};
+use crate::bvh::build::{Item, Nodes, build_items};
 use crate::bvh::object::Blas;
 use crate::bvh::{Bounds8, BvhStats, LinearBox, LinearSlabs, ObjectGeometry, StaticSlabs, Tree};
 
@@ -180,9 +180,9 @@ impl World {
             .map(|item| item.bounds.max_abs())
             .reduce(|| reach, f32::max);
         let top = if items.iter().all(|item| item.bounds.is_static()) {
-            TopTree::Static(build_items(items))
+            TopTree::Static(build_items(items, Nodes::Full))
         } else {
-            TopTree::Moving(build_items(items))
+            TopTree::Moving(build_items(items, Nodes::Full))
         };
         Ok(World {
             sets: numbered,
