@@ -321,7 +321,8 @@ mod tests {
     #[test]
     fn segments_and_varying_values_are_counted_as_usd_does() {
         use CurveWrap::{Nonperiodic, Periodic, Pinned};
-        let table: [(CurveBasis, CurveWrap, &[usize], &[usize], &[usize]); 8] = [
+        type Row<'a> = (CurveBasis, CurveWrap, &'a [usize], &'a [usize], &'a [usize]);
+        let table: [Row<'_>; 8] = [
             (
                 CurveBasis::Linear,
                 Nonperiodic,

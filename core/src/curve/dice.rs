@@ -122,14 +122,15 @@ fn plan(rating: &Rating<'_>, input: &CurveDice<'_>) -> Result<Vec<Chunk>, DiceEr
                     return Err(DiceError::Cancelled);
                 }
                 let mut out = Chunk::default();
-                for span in c * chunk..((c + 1) * chunk).min(spans.len()) {
+                let end = ((c + 1) * chunk).min(spans.len());
+                for (i, span) in spans[c * chunk..end].iter().enumerate() {
                     let first = out.stations.len();
-                    let Some(form) = rater.plan(&spans[span], &mut out.stations) else {
+                    let Some(form) = rater.plan(span, &mut out.stations) else {
                         continue;
                     };
                     form.measure(&out.stations[first..], &mut out.size);
                     out.plans.push(Plan {
-                        span: span as u32,
+                        span: (c * chunk + i) as u32,
                         form,
                         stations: first as u32..out.stations.len() as u32,
                     });

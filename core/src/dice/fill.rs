@@ -224,11 +224,11 @@ mod tests {
         let elements: Vec<u32> = mesh.grids.iter().map(|g| g.element).collect();
         assert_eq!(elements, [0, 0, 2]);
         assert_eq!(mesh.grids[2].first_vertex, 10);
-        for g in 0..3 {
+        for (g, &element) in elements.iter().enumerate() {
             for key in 0..2 {
                 for (v, p) in mesh.grid_positions(g, key).iter().enumerate() {
                     assert_eq!(p.z, v as f32);
-                    assert_eq!((p.x, p.y), (elements[g] as f32, key as f32));
+                    assert_eq!((p.x, p.y), (element as f32, key as f32));
                 }
             }
             assert_eq!(mesh.grid_normals(g, 0)[1], 1);

@@ -178,9 +178,9 @@ pub fn world_bounds(object: &LinearBox, key_times: &[f32], matrices: &[DAffine3]
     };
     let ((lo0, hi0), (lo1, hi1)) = (raised(0), raised(last));
     let mut out = LinearBox { lo0, hi0, lo1, hi1 };
-    for k in 1..last {
+    for (k, &time) in key_times.iter().enumerate().take(last).skip(1) {
         let (lo, hi) = raised(k);
-        out.raise(key_times[k], lo, hi);
+        out.raise(time, lo, hi);
     }
     out
 }
