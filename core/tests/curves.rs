@@ -340,7 +340,7 @@ fn every_basis_and_wrap_follows_an_independent_evaluation() {
         for wrap in WRAPS {
             let n = fitting(basis, wrap);
             let points = wiggle(n, 0.3);
-            let mut set = set(basis, wrap, &[n as i32], &[points.clone()]);
+            let mut set = set(basis, wrap, &[n as i32], std::slice::from_ref(&points));
             set.widths = Values::Constant(vec![0.002]);
             let mesh = seen(&set, &camera, CurveForm::Auto);
             let diced = middles(&mesh, 0);
@@ -418,7 +418,12 @@ fn widths_are_interpolated_as_their_kind_says() {
         ),
     ];
     for (basis, widths, expected) in cases {
-        let mut set = set(basis, CurveWrap::Nonperiodic, &[7], &[line.clone()]);
+        let mut set = set(
+            basis,
+            CurveWrap::Nonperiodic,
+            &[7],
+            std::slice::from_ref(&line),
+        );
         set.widths = widths.clone();
         let mesh = seen(&set, &camera, CurveForm::Auto);
         let mut cells = 0;

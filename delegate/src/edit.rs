@@ -108,7 +108,7 @@ impl Edit {
 #[derive(Clone, Debug)]
 pub(crate) enum Change {
     Create(PrimId, Kind, Arc<str>),
-    Edit(PrimId, Edit),
+    Edit(PrimId, Box<Edit>),
     /// A prim with all its edits so far applied.
     Complete(PrimId, Arc<PrimDesc>),
     ActiveCamera(Option<PrimId>),
@@ -169,7 +169,7 @@ impl EditQueue {
             self.known.remove(&id);
         }
         self.view_version += u64::from(kind == Kind::Camera);
-        self.changes.push(Change::Edit(id, edit));
+        self.changes.push(Change::Edit(id, Box::new(edit)));
         *self.counts.entry(id).or_default() += 1;
         Ok(())
     }
@@ -259,7 +259,7 @@ impl EditQueue {
         for change in self.changes.drain(first..) {
             match change {
                 Change::Complete(_, done) => prim = PrimDesc::clone(&done),
-                Change::Edit(_, edit) => edit_prim(&mut prim, edit),
+                Change::Edit(_, edit) => edit_prim(&mut prim, *edit),
                 _ => {}
             }
         }
@@ -297,7 +297,7 @@ pub(crate) fn apply(scene: &mut Scene, changes: Vec<Change>) -> bool {
                 prims.insert(id, prim);
             }
             Change::Complete(id, prim) => prims.set(id, prim),
-            Change::Edit(id, Edit::Remove) => {
+            Change::Edit(id, edit) if matches!(*edit, Edit::Remove) => {
                 prims.remove(id);
                 instancers.remove(id);
                 cameras.remove(id);
@@ -305,11 +305,11 @@ pub(crate) fn apply(scene: &mut Scene, changes: Vec<Change>) -> bool {
             }
             Change::Edit(id, edit) => {
                 if let Some(prim) = prims.get(id) {
-                    edit_prim(prim, edit);
+                    edit_prim(prim, *edit);
                 } else if let Some(instancer) = instancers.get(id) {
-                    edit_instancer(instancer, edit);
+                    edit_instancer(instancer, *edit);
                 } else if let Some(camera) = cameras.get(id) {
-                    edit_camera(camera, edit);
+                    edit_camera(camera, *edit);
                 }
             }
             Change::ActiveCamera(id) => active = id,
