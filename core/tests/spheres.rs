@@ -211,7 +211,7 @@ fn each_has_its_element_and_width() {
         })
         .collect();
     let widths: Vec<f32> = (0..n).map(|i| (i % 5) as f32 * 0.02).collect();
-    let mut set = set(&[points.clone()], &widths);
+    let mut set = set(std::slice::from_ref(&points), &widths);
     set.elements.retain(|e| e % 7 != 3);
     let mesh = seen(&set, &camera(DVec3::ZERO));
     let mut found = Vec::new();
@@ -313,7 +313,7 @@ fn particles_are_lean() {
         );
         [per(stats.mesh_bytes), per(stats.bvh_bytes)]
     };
-    let [geometry, hierarchy] = measure(&[points.clone()]);
+    let [geometry, hierarchy] = measure(std::slice::from_ref(&points));
     assert!(geometry <= 76.0 && hierarchy < 65.0);
     let [geometry, hierarchy] = measure(&[points, later]);
     assert!(geometry <= 140.0 && hierarchy < 115.0);
