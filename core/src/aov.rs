@@ -12,12 +12,26 @@
 //! | motionVectors | 2 float | raster movement from shutter open to close, pixels, x right and y down, mean over the samples that hit | 0 |
 //! | sampleCount | 1 int | samples taken | 0 |
 //! | cost | 2 float | nodes opened and micropolygons tested, mean per sample | 0 |
+//! | primvars:NAME | 1 to 4 float | the primvar where the sample hit, mean over the samples that hit | 0 |
+//! | primvars:NAME | 1 to 4 int | the same for whole numbers, point-sampled | -1 |
+//!
+//! What a primvar AOV holds is decided by the prims that have the primvar: all of them together give
+//! it the widest of their types, of which it has the first four numbers. Prims that lack it give the
+//! background.
 //!
 //! Point-sampled AOVs of a pixel all come from one and the same sample: the one nearest to the
 //! pixel's centre. They are never averaged.
 
-/// One AOV.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+use std::sync::Arc;
+
+/// What the names of primvar AOVs begin with.
+pub const PRIMVAR_PREFIX: &str = "primvars:";
+
+/// Most numbers of a primvar AOV.
+pub const WIDEST_PRIMVAR: usize = 4;
+
+/// One AOV. They are ordered: those below as they stand, then primvars by name.
+#[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[allow(missing_docs)] // the table above says what each is
 pub enum Aov {
     Color,
@@ -32,10 +46,26 @@ pub enum Aov {
     MotionVectors,
     SampleCount,
     Cost,
+    Primvar(Arc<PrimvarAov>),
+}
+
+/// A primvar as an AOV.
+#[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct PrimvarAov {
+    /// Name of the AOV, with its prefix.
+    pub name: String,
+    /// Values a pixel, 1 to [`WIDEST_PRIMVAR`].
+    pub components: usize,
+    /// Whole numbers, taken from one sample; else floats, averaged.
+    pub is_integer: bool,
+    /// The values are a colour's.
+    pub is_color: bool,
+    /// Place of its first value among those of all primvar AOVs of its kind of numbers.
+    pub first: usize,
 }
 
 impl Aov {
-    /// All of them.
+    /// All but primvars.
     pub const ALL: [Aov; 12] = [
         Aov::Color,
         Aov::Depth,
@@ -52,7 +82,7 @@ impl Aov {
     ];
 
     /// The name hosts use.
-    pub fn name(self) -> &'static str {
+    pub fn name(&self) -> &str {
         match self {
             Aov::Color => "color",
             Aov::Depth => "depth",
@@ -66,17 +96,19 @@ impl Aov {
             Aov::MotionVectors => "motionVectors",
             Aov::SampleCount => "sampleCount",
             Aov::Cost => "cost",
+            Aov::Primvar(primvar) => &primvar.name,
         }
     }
 
-    /// The AOV of that name.
+    /// The AOV of that name; primvars are known only to a render that has them.
     pub fn from_name(name: &str) -> Option<Aov> {
         Aov::ALL.into_iter().find(|a| a.name() == name)
     }
 
     /// Values a pixel.
-    pub fn components(self) -> usize {
+    pub fn components(&self) -> usize {
         match self {
+            Aov::Primvar(primvar) => primvar.components,
             Aov::Color => 4,
             Aov::P | Aov::Normal | Aov::Neye => 3,
             Aov::MotionVectors | Aov::Cost => 2,
@@ -85,20 +117,33 @@ impl Aov {
     }
 
     /// True for i32 values, false for f32.
-    pub fn is_integer(self) -> bool {
-        matches!(
-            self,
-            Aov::PrimId | Aov::InstanceId | Aov::ElementId | Aov::SampleCount
-        )
+    pub fn is_integer(&self) -> bool {
+        match self {
+            Aov::Primvar(primvar) => primvar.is_integer,
+            Aov::PrimId | Aov::InstanceId | Aov::ElementId | Aov::SampleCount => true,
+            _ => false,
+        }
     }
 
     /// True for AOVs taken from one sample a pixel.
-    pub fn is_point_sampled(self) -> bool {
-        matches!(
-            self,
-            Aov::Depth | Aov::CameraDepth | Aov::P | Aov::PrimId | Aov::InstanceId | Aov::ElementId
-        )
+    pub fn is_point_sampled(&self) -> bool {
+        match self {
+            Aov::Primvar(primvar) => primvar.is_integer,
+            Aov::Depth
+            | Aov::CameraDepth
+            | Aov::P
+            | Aov::PrimId
+            | Aov::InstanceId
+            | Aov::ElementId => true,
+            _ => false,
+        }
     }
+}
+
+/// The primvar that an AOV's name asks for.
+pub fn primvar_of(aov: &str) -> Option<&str> {
+    aov.strip_prefix(PRIMVAR_PREFIX)
+        .filter(|name| !name.is_empty())
 }
 
 /// Pixels of one AOV, rows from the top.

@@ -25,6 +25,8 @@ pub struct EffectPlan {
     pub time_by: Option<String>,
     /// Why nothing moves, where something could have.
     pub time_note: Option<String>,
+    /// Path of the first prim with a primvar in use that changes while the shutter is open.
+    pub primvar_time_by: Option<String>,
     /// Lens radius in scene units, the largest while the shutter is open; 0 for a pinhole.
     pub lens_radius: f32,
     /// Lens, film back or exposure change while the shutter is open.
@@ -44,7 +46,7 @@ pub struct EffectPlan {
 impl EffectPlan {
     /// True when samples draw a time.
     pub fn has_time(&self) -> bool {
-        self.time != TimePlan::Still
+        self.time != TimePlan::Still || self.primvar_time_by.is_some()
     }
 
     /// True when samples draw a lens point.
@@ -70,6 +72,9 @@ impl fmt::Display for EffectPlan {
                 .map_or(String::new(), |p| format!(", called for by {p}"))
         };
         match &self.time {
+            TimePlan::Still if self.primvar_time_by.is_some() => {
+                writeln!(f, "time: primvars only; geometry is static")?;
+            }
             TimePlan::Still => {
                 let why = self
                     .time_note
@@ -86,6 +91,10 @@ impl fmt::Display for EffectPlan {
             }
             TimePlan::Segments(1) => writeln!(f, "time: linear{}", by(&self.time_by))?,
             TimePlan::Segments(n) => writeln!(f, "time: {n} segments{}", by(&self.time_by))?,
+        }
+        if self.primvar_time_by.is_some() {
+            let by = by(&self.primvar_time_by);
+            writeln!(f, "primvars: time-sampled{by}")?;
         }
         if self.moving_instances > 0 {
             writeln!(f, "moving instances: {}", self.moving_instances)?;

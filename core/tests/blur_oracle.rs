@@ -151,12 +151,7 @@ fn scene(play: &Play, shift: f64) -> Scene {
         common.transform = vec![TransformSamples { times, matrices }];
         common.primvars.insert(
             "displayColor".to_owned(),
-            PrimvarDesc {
-                interpolation: Interpolation::Constant,
-                width: 3,
-                values: Arc::new(actor.color.to_vec()),
-                indices: Arc::new(vec![]),
-            },
+            PrimvarDesc::still(Interpolation::Constant, 3, actor.color.to_vec(), vec![]),
         );
         common.blur_scale = actor.blur_scale;
         common.nonlinear_samples = actor.nonlinear_samples;

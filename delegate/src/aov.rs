@@ -19,7 +19,7 @@ pub struct AovShape {
 }
 
 impl AovShape {
-    pub(crate) fn new(aov: Aov, frame: &Frame) -> Self {
+    pub(crate) fn new(aov: &Aov, frame: &Frame) -> Self {
         let [x0, y0, x1, y1] = frame.window();
         Self {
             origin: [x0, y0],

@@ -2,13 +2,14 @@
 
 use std::path::Path;
 
-use hdtrapeze_core::aov::{Aov, AovData, AovImage};
+use hdtrapeze_core::aov::{Aov, AovData, AovImage, PrimvarAov, primvar_of};
 use hdtrapeze_core::diagnostics::Warning;
 use hdtrapeze_core::scene::{CameraDesc, RenderSettings};
 
 use crate::error::Error;
 use crate::image::{
-    ChannelData, ExrOptions, Image, ImageError, Layer, PngColor, PngOptions, write_exr, write_png,
+    ChannelData, ExrOptions, Image, ImageError, Layer, PngColor, PngOptions, Precision, write_exr,
+    write_png,
 };
 use crate::product::{self, RenderVar};
 
@@ -68,7 +69,7 @@ pub(crate) fn choose(options: &ImageOptions, rendered: &[Aov]) -> Result<Vec<Aov
 }
 
 fn find(name: &str, rendered: &[Aov]) -> Result<Aov, Error> {
-    let aov = Aov::from_name(name).filter(|aov| rendered.contains(aov));
+    let aov = rendered.iter().find(|aov| aov.name() == name).cloned();
     aov.ok_or_else(|| not_rendered(name))
 }
 
@@ -76,11 +77,11 @@ fn find(name: &str, rendered: &[Aov]) -> Result<Aov, Error> {
 pub(crate) fn layers(
     options: &ImageOptions,
     rendered: &[Aov],
-    pixels: impl Fn(Aov) -> Option<AovImage>,
+    pixels: impl Fn(&Aov) -> Option<AovImage>,
 ) -> Result<(Vec<Layer>, Vec<Warning>), Error> {
     let as_layer = |aov: Aov| {
-        let image = pixels(aov).ok_or_else(|| not_rendered(aov.name()))?;
-        Ok(layer(aov, image, options))
+        let image = pixels(&aov).ok_or_else(|| not_rendered(aov.name()))?;
+        Ok(layer(&aov, image, options))
     };
     let named = |name: &str| as_layer(find(name, rendered)?);
     match (options.vars.as_slice(), options.file) {
@@ -99,18 +100,53 @@ pub(crate) fn not_rendered(name: &str) -> Error {
 }
 
 /// An AOV as a layer; color is encoded unless the file does it.
-fn layer(aov: Aov, image: AovImage, options: &ImageOptions) -> Layer {
-    let encode = aov == Aov::Color
+fn layer(aov: &Aov, image: AovImage, options: &ImageOptions) -> Layer {
+    let encode = *aov == Aov::Color
         && options.color == PngColor::Srgb
         && matches!(options.file, FileType::Exr(_));
-    let mut layer = match image.data {
-        AovData::F32(values) => Layer::from_interleaved(aov.name(), image.components, &values),
-        AovData::I32(values) => Layer::from_ids(aov.name(), values),
+    let mut layer = match (aov, image.data) {
+        (Aov::Primvar(primvar), data) => primvar_layer(primvar, data),
+        (aov, AovData::F32(values)) => {
+            Layer::from_interleaved(aov.name(), image.components, &values)
+        }
+        (aov, AovData::I32(values)) => Layer::from_ids(aov.name(), values),
     };
     if encode {
         encode_srgb(&mut layer);
     }
     layer
+}
+
+/// A primvar's layer has the primvar's own name, with the prefix only where another AOV has that
+/// name. Colours have channels R, G, B, A, other values X, Y, Z, W in 32 bits.
+fn primvar_layer(primvar: &PrimvarAov, data: AovData) -> Layer {
+    let name = primvar_of(&primvar.name).unwrap_or(&primvar.name);
+    let taken = Aov::from_name(name).is_some();
+    let letters = match primvar.is_color && primvar.components > 1 {
+        true => ["R", "G", "B", "A"],
+        false => ["X", "Y", "Z", "W"],
+    };
+    let plane = |c: usize| match &data {
+        AovData::F32(values) => {
+            let pixels = values.chunks_exact(primvar.components);
+            ChannelData::F32(pixels.map(|p| p[c]).collect())
+        }
+        AovData::I32(values) => {
+            let pixels = values.chunks_exact(primvar.components);
+            ChannelData::I32(pixels.map(|p| p[c]).collect())
+        }
+    };
+    let channels = letters.iter().enumerate().take(primvar.components);
+    Layer {
+        name: if taken { &primvar.name } else { name }.to_owned(),
+        channels: channels
+            .map(|(c, letter)| ((*letter).to_owned(), plane(c)))
+            .collect(),
+        precision: match primvar.is_color {
+            true => Precision::File,
+            false => Precision::Float,
+        },
+    }
 }
 
 /// Encodes premultiplied colour: divided by alpha, encoded, multiplied again.
@@ -264,7 +300,7 @@ mod tests {
             data: AovData::F32(vec![0.125, 0.25, 0.0005, 0.5]),
         };
         let exr = FileType::Exr(ExrOptions::default());
-        let encoded = layer(Aov::Color, image.clone(), &options(exr, &[]));
+        let encoded = layer(&Aov::Color, image.clone(), &options(exr, &[]));
         for ((_, channel), expected) in encoded.channels.iter().zip(expected) {
             let ChannelData::F32(values) = channel else {
                 panic!("floats");
@@ -272,7 +308,7 @@ mod tests {
             assert!((values[0] - 0.5 * expected).abs() < 1e-5, "{values:?}");
         }
         // PNG encodes by itself.
-        let png = layer(Aov::Color, image, &options(FileType::Png, &[]));
+        let png = layer(&Aov::Color, image, &options(FileType::Png, &[]));
         assert_eq!(png.channels[0].1, ChannelData::F32(vec![0.125]));
     }
 

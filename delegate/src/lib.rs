@@ -18,6 +18,7 @@ pub mod file;
 pub mod image;
 mod log;
 mod pool;
+pub mod primvar;
 pub mod product;
 pub mod progress;
 pub mod session;

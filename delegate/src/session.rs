@@ -31,6 +31,7 @@ use crate::file::{self, ImageOptions};
 use crate::image::Image;
 use crate::log::{LogFn, in_log_callback};
 use crate::pool::Pool;
+use crate::primvar::{self, AuthoredPrimvar};
 use crate::product::RenderVar;
 use crate::progress::{Progress, State, Statistics};
 use crate::status::{Committed, Rendered, Shared, lock};
@@ -144,6 +145,26 @@ impl Session {
             .into_iter()
             .map(|text| Warning::new(&*path, Code::Topology, text));
         self.warn(&warnings.collect::<Vec<_>>());
+        Ok(())
+    }
+
+    /// Queues a primvar of a prim. Whole numbers that do not fit 32 bits give a warning.
+    pub fn set_primvar(
+        &self,
+        id: PrimId,
+        name: &str,
+        from: &AuthoredPrimvar<'_>,
+    ) -> Result<(), Error> {
+        let (_, path) = self.find(id)?;
+        let (desc, clipped) = primvar::primvar(from)?;
+        self.edit(id, Edit::Primvar(name.to_owned(), Some(desc)))?;
+        if clipped > 0 {
+            let text = format!(
+                "primvar {name} has {clipped} numbers that do not fit 32 bits; the nearest that do \
+                 are taken"
+            );
+            self.warn(&[Warning::new(&*path, Code::PrimvarLength, text)]);
+        }
         Ok(())
     }
 
@@ -278,13 +299,13 @@ impl Session {
     /// Size and type of an AOV of the last render that was started.
     pub fn describe_aov(&self, name: &str) -> Result<AovShape, Error> {
         let (rendered, aov) = self.rendered_aov(name)?;
-        Ok(AovShape::new(aov, &rendered.frame))
+        Ok(AovShape::new(&aov, &rendered.frame))
     }
 
     /// An AOV of the last render that was started, as far as it is.
     pub fn aov(&self, name: &str) -> Result<AovImage, Error> {
         let (rendered, aov) = self.rendered_aov(name)?;
-        let needed = AovShape::new(aov, &rendered.frame).bytes();
+        let needed = AovShape::new(&aov, &rendered.frame).bytes();
         memory::check(needed, "reading an AOV")?;
         let image = self.shared.guard(|| rendered.frame.aov(aov))?;
         image.ok_or_else(|| file::not_rendered(name))
@@ -297,7 +318,7 @@ impl Session {
         let frame = &rendered.frame;
         let [width, height] = rendered.resolution;
         let aovs = file::choose(options, frame.aovs())?;
-        let shapes = aovs.iter().map(|&aov| AovShape::new(aov, frame));
+        let shapes = aovs.iter().map(|aov| AovShape::new(aov, frame));
         // Once as layers, once more while the file is encoded.
         memory::check(
             2 * shapes.map(|shape| shape.bytes()).sum::<u64>(),
@@ -352,7 +373,7 @@ impl Session {
     fn rendered_aov(&self, name: &str) -> Result<(Rendered, Aov), Error> {
         self.shared.check()?;
         let rendered = self.rendered()?;
-        let aov = Aov::from_name(name).filter(|aov| rendered.frame.aovs().contains(aov));
+        let aov = rendered.frame.find(name).cloned();
         Ok((rendered, aov.ok_or_else(|| file::not_rendered(name))?))
     }
 

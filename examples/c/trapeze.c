@@ -82,12 +82,19 @@ static trz_id add_cube(trz_session* session) {
     points.counts = point_counts;
     check(trz_prim_set_points(session, cube, &points), "points");
 
+    const void* colors[1] = {red};
+    const size_t color_count = 1;
     trz_primvar color = {0};
     color.struct_size = sizeof color;
     color.interpolation = TRZ_INTERPOLATION_CONSTANT;
+    color.type = TRZ_NUMBERS_FLOAT32;
     color.width = 3;
-    color.values = red;
-    color.value_count = 1;
+    color.element_size = 1;
+    color.unauthored_index = -1;
+    color.times = &time;
+    color.sample_count = 1;
+    color.values = colors;
+    color.value_counts = &color_count;
     check(trz_prim_set_primvar(session, cube, "displayColor", &color), "displayColor");
 
     const double times[2] = {-0.25, 0.25};

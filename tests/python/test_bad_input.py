@@ -184,7 +184,7 @@ def test_a_primvar_of_many_values_on_an_implicit_prim_is_ignored(stage):
     sphere = UsdGeom.Sphere.Define(stage, "/bad")
     primvar = sphere.CreateDisplayColorPrimvar("vertex")
     primvar.Set([Gf.Vec3f(1, 0, 0)] * 4)
-    image = check(stage, "displayColor has 4 values where its prim has 1", shown=True)
+    image = check(stage, "displayColor has 4 values where its implicit prim has 1", shown=True)
     red, green, _, _ = image["color"][pixel(0.1, 0.1)]
     assert red == green > 0
     primvar.Set([Gf.Vec3f(1, 0, 0)])

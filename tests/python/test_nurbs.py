@@ -155,7 +155,7 @@ def test_colors_at_points_and_at_segments(stage):
     assert red.max() > 0.2
     # Any other number is ignored.
     primvar.Set(vectors(colors[:8]))
-    one_warning(render(stage), "/patch", "displayColor has 8 values", "9 varying values")
+    one_warning(render(stage), "/patch", "displayColor has 8 values", "9 ends of segments")
 
 
 def test_ranges_cut_and_trims_are_named(stage):

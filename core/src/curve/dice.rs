@@ -191,9 +191,10 @@ fn emit_chunk(set: &CurveSet, keys: &Keys, chunk: &Chunk, part: &mut Part<'_>) {
         for (c, channel) in set.channels.iter().enumerate() {
             values.clear();
             for station in stations {
-                values.extend((0..channel.width).map(|component| {
-                    set.value(&channel.values, channel.width, component, span, station) as f32
-                }));
+                values.extend(
+                    (0..channel.width)
+                        .map(|component| set.channel_value(channel, component, span, station)),
+                );
             }
             emit::channel(&taken, plan.form, stations, c, &values, part);
         }

@@ -1,7 +1,9 @@
 //! The curves of a prim with all that they carry, and its values at any place of them.
 
 use crate::curve::CurveKind;
+use crate::scene::Interpolation;
 use crate::translate::curves::{CheckedCurves, CurveSpan};
+use crate::translate::primvar::{Resolved, Spread};
 use crate::translate::values::Values;
 
 /// A primvar that is shaded with, varying along the curves.
@@ -11,6 +13,28 @@ pub struct CurveChannel {
     pub width: usize,
     /// Values.
     pub values: Values,
+    /// A place has the value of the nearest point or segment end, bit for bit.
+    pub nearest: bool,
+}
+
+impl CurveChannel {
+    /// Spreads a primvar over curves.
+    pub fn spread(resolved: Resolved) -> Spread<Self> {
+        let (width, nearest) = (resolved.stride(), resolved.is_integer);
+        let values = match resolved.interpolation {
+            Interpolation::Constant => return resolved.into_constant(),
+            Interpolation::Uniform => return Spread::Uniform(resolved.into_items()),
+            Interpolation::Varying | Interpolation::FaceVarying => {
+                Values::Varying(resolved.into_items())
+            }
+            Interpolation::Vertex => Values::Vertex(resolved.into_items()),
+        };
+        Spread::Channel(Self {
+            width,
+            values,
+            nearest,
+        })
+    }
 }
 
 /// Curves, ready to be diced.
@@ -68,6 +92,37 @@ impl CurveSet {
                 self.kind().point(&control, f64::from(at.t))
             }
         }
+    }
+
+    /// Float `component` of a channel at a place.
+    pub fn channel_value(
+        &self,
+        channel: &CurveChannel,
+        component: usize,
+        span: &CurveSpan,
+        at: &Station,
+    ) -> f32 {
+        let CurveChannel { width, values, .. } = channel;
+        if !channel.nearest {
+            return self.value(values, *width, component, span, at) as f32;
+        }
+        let (n, segment) = (span.point_count as usize, at.segment as usize);
+        let item = match values {
+            Values::Constant(_) => 0,
+            Values::Uniform(_) => span.element as usize,
+            Values::Varying(_) => {
+                let ends = self.kind().ends(n, segment, |i| i);
+                span.first_varying as usize + ends[usize::from(at.t >= 0.5)]
+            }
+            Values::Vertex(_) => {
+                // Points are spread evenly over the segments.
+                let periodic = self.kind().is_periodic();
+                let gaps = if periodic { n } else { n - 1 };
+                let along = (f64::from(at.segment) + f64::from(at.t)) / f64::from(span.segments);
+                span.first_point as usize + (along * gaps as f64).round() as usize % n
+            }
+        };
+        values.floats()[item * width + component]
     }
 
     /// Radius at a place, object space.

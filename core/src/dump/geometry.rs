@@ -18,6 +18,7 @@ use crate::translate::mesh::check;
 use crate::translate::nurbs;
 use crate::translate::nurbs_curves;
 use crate::translate::points::{Bends, PointKeys, point_keys};
+use crate::translate::primvar::Counts;
 
 /// Keys of paths that accelerations bend: the text must not depend on how near the camera is.
 const BENDS: Bends<'_> = Bends::Samples(3);
@@ -35,22 +36,24 @@ pub(super) fn kind(geometry: &Geometry) -> &'static str {
     }
 }
 
+/// Writes it, and tells how many values its primvars have, where that is known.
 pub(super) fn write(
     page: &mut Page,
     path: &str,
     geometry: &Geometry,
     shutter: Shutter,
     warnings: &mut Vec<Warning>,
-) {
+) -> Option<Counts> {
     match geometry {
-        Geometry::Mesh(desc) => mesh(page, path, desc, shutter, warnings),
-        Geometry::Grids(desc) => grids(page, path, desc, shutter, warnings),
-        Geometry::Implicit(desc) => implicit(page, path, desc, shutter, warnings),
-        Geometry::NurbsPatch(desc) => nurbs_patch(page, path, desc, shutter, warnings),
+        Geometry::Mesh(desc) => return mesh(page, path, desc, shutter, warnings),
+        Geometry::Grids(desc) => return grids(page, path, desc, shutter, warnings),
+        Geometry::Implicit(desc) => return implicit(page, path, desc, shutter, warnings),
+        Geometry::NurbsPatch(desc) => return nurbs_patch(page, path, desc, shutter, warnings),
         Geometry::NurbsCurves(desc) => nurbs_curves_as_bezier(page, path, desc, shutter, warnings),
         Geometry::Curves(desc) => curves(page, path, desc, shutter, warnings),
         Geometry::Spheres(desc) => raw_points(page, path, &desc.points, shutter, warnings),
     }
+    None
 }
 
 fn mesh(
@@ -59,15 +62,17 @@ fn mesh(
     desc: &MeshDesc,
     shutter: Shutter,
     warnings: &mut Vec<Warning>,
-) {
+) -> Option<Counts> {
     let Some(mesh) = check(path, desc, shutter, BENDS, warnings) else {
-        return page.line("nothing to render");
+        page.line("nothing to render");
+        return None;
     };
     topology(page, &mesh.topology);
     if mesh.elements.len() != mesh.authored_faces {
         page.line(&format!("authored faces kept {}", integers(&mesh.elements)));
     }
     points(page, &mesh.points);
+    Some(mesh.primvar_counts())
 }
 
 fn topology(page: &mut Page, topology: &MeshTopology) {
@@ -106,9 +111,10 @@ fn grids(
     desc: &GridsDesc,
     shutter: Shutter,
     warnings: &mut Vec<Warning>,
-) {
+) -> Option<Counts> {
     let Some(checked) = grids::check(path, desc, shutter, warnings) else {
-        return page.line("nothing to render");
+        page.line("nothing to render");
+        return None;
     };
     let rates = desc.grids.iter();
     let rates: Vec<f64> = rates
@@ -116,6 +122,7 @@ fn grids(
         .collect();
     page.line(&format!("rates {}", array(&rates, 2)));
     points(page, &checked.points);
+    Some(checked.primvar_counts())
 }
 
 fn implicit(
@@ -124,9 +131,10 @@ fn implicit(
     desc: &ImplicitDesc,
     shutter: Shutter,
     warnings: &mut Vec<Warning>,
-) {
+) -> Option<Counts> {
     let Some(checked) = implicit::check(path, desc, shutter, warnings) else {
-        return page.line("nothing to render");
+        page.line("nothing to render");
+        return None;
     };
     page.line(&format!(
         "{:?} along {:?}, {:?}",
@@ -135,6 +143,7 @@ fn implicit(
     for (time, sizes) in checked.points.times.iter().zip(&checked.sizes) {
         page.line(&format!("sizes at {}: {}", number(*time), array(sizes, 3)));
     }
+    Some(Counts::one_value("implicit prim"))
 }
 
 /// NURBS curves as the curves that they become.
@@ -157,9 +166,10 @@ fn nurbs_patch(
     desc: &NurbsPatchDesc,
     shutter: Shutter,
     warnings: &mut Vec<Warning>,
-) {
+) -> Option<Counts> {
     let Some(checked) = nurbs::check(path, desc, shutter, BENDS, warnings) else {
-        return page.line("nothing to render");
+        page.line("nothing to render");
+        return None;
     };
     for (d, name) in ["u", "v"].into_iter().enumerate() {
         let (count, order) = (desc.vertex_counts[d], desc.orders[d]);
@@ -176,6 +186,7 @@ fn nurbs_patch(
         page.line(&format!("weights {}", array(&desc.weights, 1)));
     }
     points(page, &checked.points);
+    Some(checked.counts)
 }
 
 fn curves(

@@ -1,11 +1,12 @@
 //! One prim of a dump.
 
 use super::instancer::write_part_of;
-use super::text::{Page, array, integers};
+use super::text::{Page, array, integers, number};
 use super::{geometry, write_motion, write_transform, write_warnings};
 use crate::motion::Shutter;
-use crate::scene::{Interpolation, PrimCommon, PrimDesc, PrimvarDesc, Scene};
+use crate::scene::{Interpolation, PrimCommon, PrimDesc, PrimvarDesc, PrimvarValues, Scene};
 use crate::translate::blur::prim_shutter;
+use crate::translate::primvar::{Resolved, join, resolve};
 
 pub(super) fn write(page: &mut Page, prim: &PrimDesc, scene: &Scene, shutter: Shutter) {
     let common = &prim.common;
@@ -19,10 +20,19 @@ pub(super) fn write(page: &mut Page, prim: &PrimDesc, scene: &Scene, shutter: Sh
         flags(page, common);
         write_part_of(page, common.instancer, scene);
         let shutter = prim_shutter(&common.path, common.blur_scale, shutter, &mut warnings);
-        geometry::write(page, &common.path, &prim.geometry, shutter, &mut warnings);
+        let counts = geometry::write(page, &common.path, &prim.geometry, shutter, &mut warnings);
         write_transform(page, &common.transform, shutter);
         for (name, primvar) in &common.primvars {
-            write_primvar(page, name, primvar);
+            match &counts {
+                Some(counts) => {
+                    let path = &common.path;
+                    let resolved = resolve(path, name, primvar, counts, shutter, &mut warnings);
+                    if let Some(resolved) = resolved {
+                        write_resolved(page, name, &resolved);
+                    }
+                }
+                None => write_raw(page, name, primvar),
+            }
         }
         write_warnings(page, &warnings);
     });
@@ -41,20 +51,68 @@ fn flags(page: &mut Page, common: &PrimCommon) {
     write_motion(page, common.blur_scale, common.nonlinear_samples);
 }
 
-fn write_primvar(page: &mut Page, name: &str, primvar: &PrimvarDesc) {
-    let values: Vec<f64> = primvar.values.iter().map(|&v| v.into()).collect();
-    let interpolation = match primvar.interpolation {
+fn title(name: &str, interpolation: Interpolation) -> String {
+    let interpolation = match interpolation {
         Interpolation::Constant => "constant",
         Interpolation::Uniform => "uniform",
         Interpolation::Varying => "varying",
         Interpolation::Vertex => "vertex",
         Interpolation::FaceVarying => "faceVarying",
     };
-    page.line(&format!(
-        "primvar {name} {interpolation} {}",
-        array(&values, primvar.width)
-    ));
+    format!("primvar {name} {interpolation}")
+}
+
+/// A primvar at its keys.
+fn write_resolved(page: &mut Page, name: &str, primvar: &Resolved) {
+    let (lanes, stride) = (primvar.lanes(), primvar.stride());
+    for (key, time) in primvar.key_times.iter().enumerate() {
+        let values = primvar.values.chunks_exact(stride);
+        let numbers: Vec<f64> = values
+            .flat_map(|value| &value[key * lanes..][..lanes])
+            .map(|&v| v.into())
+            .collect();
+        let numbers = match primvar.is_integer {
+            true => numbers.as_chunks().0.iter().map(whole).collect(),
+            false => numbers,
+        };
+        let time = match primvar.key_times.len() {
+            1 => String::new(),
+            _ => format!(" at {}", number(*time)),
+        };
+        let text = array(&numbers, primvar.width);
+        page.line(&format!(
+            "{}{time} {text}",
+            title(name, primvar.interpolation)
+        ));
+    }
     if !primvar.indices.is_empty() {
         page.line(&format!("indices {}", integers(&primvar.indices)));
+    }
+}
+
+fn whole(&[upper, lower]: &[f64; 2]) -> f64 {
+    join([upper as f32, lower as f32]).into()
+}
+
+/// A primvar as it was given.
+fn write_raw(page: &mut Page, name: &str, primvar: &PrimvarDesc) {
+    let width = primvar.width * usize::try_from(primvar.element_size).unwrap_or(0);
+    for sample in &primvar.samples {
+        let values: Vec<f64> = match &*sample.values {
+            PrimvarValues::Float(values) => values.iter().map(|&v| v.into()).collect(),
+            PrimvarValues::Int(values) => values.iter().map(|&v| v.into()).collect(),
+        };
+        let time = match primvar.samples.len() {
+            1 => String::new(),
+            _ => format!(" at time {}", number(sample.time)),
+        };
+        let text = array(&values, width);
+        page.line(&format!(
+            "{}{time} {text}",
+            title(name, primvar.interpolation)
+        ));
+        if !sample.indices.is_empty() {
+            page.line(&format!("indices {}", integers(&sample.indices)));
+        }
     }
 }

@@ -1,5 +1,6 @@
 //! The film of one render: tiles that workers fill and hosts read at any time.
 
+use std::borrow::Borrow;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use super::tile::{Keeps, Tile};
@@ -156,10 +157,16 @@ impl Frame {
             .unwrap_or(0)
     }
 
+    /// The AOV of that name, if it is kept.
+    pub fn find(&self, name: &str) -> Option<&Aov> {
+        self.aovs.iter().find(|aov| aov.name() == name)
+    }
+
     /// Pixels of an AOV as they stand; `None` for one that is not kept. Pixels outside the data
     /// window are background.
-    pub fn aov(&self, aov: Aov) -> Option<AovImage> {
-        if !self.aovs.contains(&aov) {
+    pub fn aov(&self, aov: impl Borrow<Aov>) -> Option<AovImage> {
+        let aov = aov.borrow();
+        if !self.aovs.contains(aov) {
             return None;
         }
         let [x0, y0, x1, y1] = self.window;
@@ -173,17 +180,20 @@ impl Frame {
             (0..count).map(move |i| (i, (y + i / w) * width as usize + x + i % w))
         };
         let data = if aov.is_integer() {
-            let background = if aov == Aov::SampleCount { 0 } else { -1 };
+            let background = if *aov == Aov::SampleCount { 0 } else { -1 };
             let mut data = vec![background; length];
+            let mut values = Vec::with_capacity(4);
             for tile in &self.tiles {
                 let tile = lock(tile);
                 for (i, at) in pixels(&tile) {
-                    data[at] = tile.resolve_i32(aov, i).unwrap_or(background);
+                    values.clear();
+                    tile.resolve_i32(aov, i, &mut values);
+                    data[at * components..][..components].copy_from_slice(&values);
                 }
             }
             AovData::I32(data)
         } else {
-            let background = if aov == Aov::Depth { 1.0 } else { 0.0 };
+            let background = if *aov == Aov::Depth { 1.0 } else { 0.0 };
             let mut data = vec![background; length];
             let mut values = Vec::with_capacity(4);
             for tile in &self.tiles {

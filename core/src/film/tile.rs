@@ -35,6 +35,16 @@ pub struct FirstHit {
     pub element_id: i32,
 }
 
+impl PrimvarSample {
+    /// As many values as `keeps` has.
+    pub fn new(keeps: Keeps) -> Self {
+        Self {
+            floats: vec![0.0; keeps.primvars.floats],
+            integers: vec![-1; keeps.primvars.integers],
+        }
+    }
+}
+
 #[derive(Clone, Copy, Debug)]
 struct PointSample {
     distance2: f32,
@@ -63,17 +73,48 @@ pub struct Keeps {
     point: bool,
     means: bool,
     cost: bool,
+    /// Values of primvar AOVs.
+    primvars: PrimvarCounts,
+}
+
+/// Values of all primvar AOVs together.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PrimvarCounts {
+    /// Floats.
+    pub floats: usize,
+    /// Whole numbers.
+    pub integers: usize,
+}
+
+/// Values of primvar AOVs that one camera sample brings home.
+#[derive(Clone, Debug, Default)]
+pub struct PrimvarSample {
+    /// As the AOVs say where.
+    pub floats: Vec<f32>,
+    /// As the AOVs say where.
+    pub integers: Vec<i32>,
 }
 
 impl Keeps {
     /// Sums that `aovs` need.
     pub fn of(aovs: &[Aov]) -> Self {
-        let any = |f: &dyn Fn(Aov) -> bool| aovs.iter().any(|&a| f(a));
+        let any = |f: &dyn Fn(&Aov) -> bool| aovs.iter().any(f);
+        let mut primvars = PrimvarCounts::default();
+        for aov in aovs {
+            if let Aov::Primvar(primvar) = aov {
+                let count = match primvar.is_integer {
+                    true => &mut primvars.integers,
+                    false => &mut primvars.floats,
+                };
+                *count = (*count).max(primvar.first + primvar.components);
+            }
+        }
         Self {
-            color: any(&|a| a == Aov::Color),
+            color: any(&|a| *a == Aov::Color),
             point: any(&Aov::is_point_sampled),
             means: any(&|a| matches!(a, Aov::Normal | Aov::Neye | Aov::MotionVectors)),
-            cost: any(&|a| a == Aov::Cost),
+            cost: any(&|a| *a == Aov::Cost),
+            primvars,
         }
     }
 
@@ -84,12 +125,26 @@ impl Keeps {
 
     /// True when anything of a sample's first surface is asked for.
     pub fn first(self) -> bool {
-        self.point || self.means
+        self.point || self.means || self.primvars.floats > 0
+    }
+
+    /// Values of primvar AOVs; none where none is asked for.
+    pub fn primvars(self) -> Option<PrimvarCounts> {
+        let some = self.primvars.floats + self.primvars.integers > 0;
+        some.then_some(self.primvars)
     }
 
     /// True when normals or motion vectors are asked for.
     pub fn means(self) -> bool {
         self.means
+    }
+
+    /// Sums of primvar floats a pixel: one each, and the number of hits.
+    fn float_stride(self) -> usize {
+        match self.primvars.floats {
+            0 => 0,
+            floats => floats + 1,
+        }
     }
 
     /// Bytes a pixel.
@@ -99,6 +154,8 @@ impl Keeps {
             + size(self.point, size_of::<PointSample>())
             + size(self.means, size_of::<Means>())
             + size(self.cost, 16)
+            + self.float_stride() * size_of::<f64>()
+            + self.primvars.integers * size_of::<i32>()
     }
 }
 
@@ -120,6 +177,11 @@ pub struct Tile {
     point: Vec<PointSample>,
     means: Vec<Means>,
     cost: Vec<[f64; 2]>,
+    /// [`Keeps::float_stride`] sums a pixel.
+    primvar_sums: Vec<f64>,
+    /// Whole numbers of primvars, of the sample in `point`.
+    primvar_integers: Vec<i32>,
+    keeps: Keeps,
 }
 
 impl Tile {
@@ -141,12 +203,16 @@ impl Tile {
             point: vec![no_point; count(keeps.point)],
             means: vec![Means::default(); count(keeps.means)],
             cost: vec![[0.0; 2]; count(keeps.cost)],
+            primvar_sums: vec![0.0; n * keeps.float_stride()],
+            primvar_integers: vec![-1; n * keeps.primvars.integers],
+            keeps,
         }
     }
 
     /// Adds a sample to pixel `i` (row-major in the tile). Samples of a pixel come in the order of
-    /// their numbers.
-    pub fn add(&mut self, i: usize, sample: &Sample) {
+    /// their numbers. True where it is the pixel's point sample, for now.
+    pub fn add(&mut self, i: usize, sample: &Sample) -> bool {
+        let mut is_point = false;
         if let Some(sum) = self.color.get_mut(i) {
             for (sum, v) in sum.iter_mut().zip(sample.color) {
                 *sum += f64::from(sample.weight * v);
@@ -166,6 +232,7 @@ impl Tile {
                 distance2: sample.distance2,
                 hit,
             };
+            is_point = true;
         }
         if let (Some(means), Some(hit)) = (self.means.get_mut(i), &sample.first) {
             let values = hit.normal.iter().chain(&hit.n_eye).chain(&hit.motion);
@@ -178,10 +245,32 @@ impl Tile {
             cost[0] += f64::from(sample.cost[0]);
             cost[1] += f64::from(sample.cost[1]);
         }
+        is_point
+    }
+
+    /// Adds the primvars of the sample that was added last to pixel `i`, or `None` where it hit
+    /// nothing. `is_point` is what [`Tile::add`] said.
+    pub fn add_primvars(&mut self, i: usize, sample: Option<&PrimvarSample>, is_point: bool) {
+        let (floats, integers) = (self.keeps.float_stride(), self.keeps.primvars.integers);
+        if let Some(sample) = sample
+            && let Some((hits, sums)) = self.primvar_sums[i * floats..][..floats].split_last_mut()
+        {
+            for (sum, v) in sums.iter_mut().zip(&sample.floats) {
+                *sum += f64::from(*v);
+            }
+            *hits += 1.0;
+        }
+        if is_point {
+            let values = &mut self.primvar_integers[i * integers..][..integers];
+            match sample {
+                Some(sample) => values.copy_from_slice(&sample.integers[..integers]),
+                None => values.fill(-1),
+            }
+        }
     }
 
     /// Values of a float AOV at pixel `i`, appended to `out`.
-    pub fn resolve_f32(&self, aov: Aov, i: usize, out: &mut Vec<f32>) {
+    pub fn resolve_f32(&self, aov: &Aov, i: usize, out: &mut Vec<f32>) {
         let n = f64::from(self.samples.max(1));
         let mean = |range: std::ops::Range<usize>, out: &mut Vec<f32>| {
             let means = &self.means[i];
@@ -209,19 +298,31 @@ impl Tile {
             Aov::Neye => mean(3..6, out),
             Aov::MotionVectors => mean(6..8, out),
             Aov::Cost => out.extend(self.cost[i].map(|s| (s / n) as f32)),
-            Aov::PrimId | Aov::InstanceId | Aov::ElementId | Aov::SampleCount => {}
+            Aov::Primvar(primvar) if !primvar.is_integer => {
+                let stride = self.keeps.float_stride();
+                let sums = &self.primvar_sums[i * stride..][..stride];
+                let hits = sums[stride - 1].max(1.0);
+                let own = &sums[primvar.first..][..primvar.components];
+                out.extend(own.iter().map(|s| (s / hits) as f32));
+            }
+            Aov::PrimId | Aov::InstanceId | Aov::ElementId | Aov::SampleCount | Aov::Primvar(_) => {
+            }
         }
     }
 
-    /// Value of an integer AOV at pixel `i`; `None` for float AOVs.
-    pub fn resolve_i32(&self, aov: Aov, i: usize) -> Option<i32> {
+    /// Values of an integer AOV at pixel `i`, appended to `out`; nothing for float AOVs.
+    pub fn resolve_i32(&self, aov: &Aov, i: usize, out: &mut Vec<i32>) {
         let id = |k: usize| self.point[i].hit.map_or(-1, |h| h.ids[k]);
         match aov {
-            Aov::PrimId => Some(id(0)),
-            Aov::InstanceId => Some(id(1)),
-            Aov::ElementId => Some(id(2)),
-            Aov::SampleCount => Some(self.samples as i32),
-            _ => None,
+            Aov::PrimId => out.push(id(0)),
+            Aov::InstanceId => out.push(id(1)),
+            Aov::ElementId => out.push(id(2)),
+            Aov::SampleCount => out.push(self.samples as i32),
+            Aov::Primvar(primvar) if primvar.is_integer => {
+                let start = i * self.keeps.primvars.integers + primvar.first;
+                out.extend_from_slice(&self.primvar_integers[start..][..primvar.components]);
+            }
+            _ => {}
         }
     }
 }

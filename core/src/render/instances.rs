@@ -97,6 +97,7 @@ impl PrimObjects {
         let mut shared = match old.and_then(|old| Some((old, old.shared.clone()?))) {
             Some((old, shared)) => {
                 self.shading = old.shading.clone();
+                self.primvars = old.primvars.clone();
                 self.warnings.clone_from(&old.shape_warnings);
                 shared
             }

@@ -8,10 +8,10 @@ use glam::{Vec2, Vec3};
 use super::prepared::Prepared;
 use crate::camera::opening::Times;
 use crate::film::filter::Filter;
-use crate::film::tile::{FirstHit, Keeps, Sample, Tile};
+use crate::film::tile::{FirstHit, Keeps, PrimvarSample, Sample, Tile};
 use crate::sample::PixelSampler;
-use crate::shade::{camera_light_irradiance, camera_lit};
-use crate::trace::{Hit, Ray, TraceCounts};
+use crate::shade::{ChannelAccess, camera_light_irradiance, camera_lit};
+use crate::trace::{Hit, Ray, TraceCounts, World};
 
 /// Transparent layers composited along one ray; what lies behind is left out.
 pub const MAX_LAYERS: usize = 64;
@@ -76,6 +76,8 @@ impl<'a> Integrator<'a> {
     /// `fill` for scenes with matte objects, or for those without: these are not asked for any.
     fn fill_with<const MATTE: bool>(&self, tile: &mut Tile, target: u32, counts: &mut TraceCounts) {
         let range = tile.samples..target;
+        let wants_primvars = self.keeps.primvars().is_some();
+        let mut primvars = PrimvarSample::new(self.keeps);
         for by in (0..tile.height).step_by(BLOCK as usize) {
             for bx in (0..tile.width).step_by(BLOCK as usize) {
                 let pixels: Vec<_> = (by..(by + BLOCK).min(tile.height))
@@ -92,8 +94,12 @@ impl<'a> Integrator<'a> {
                         let job = self.generate(*pixel, pattern.sample(index));
                         let mut own = TraceCounts::default();
                         let hit = self.prepared.world.trace(&job.ray, &mut own);
-                        let sample = self.shade::<MATTE>(&job, &hit, &mut own);
-                        tile.add(*slot, &sample);
+                        let sample = self.shade::<MATTE>(&job, &hit, &mut own, &mut primvars);
+                        let is_point = tile.add(*slot, &sample);
+                        if wants_primvars {
+                            let hit = sample.first.is_some().then_some(&primvars);
+                            tile.add_primvars(*slot, hit, is_point);
+                        }
                         *counts = *counts + own;
                     }
                 }
@@ -129,7 +135,14 @@ impl<'a> Integrator<'a> {
 
     /// Composites what the ray meets, front to back. A matte object takes its share of the ray away
     /// and gives nothing for it: neither colour nor alpha, nor the values of a first hit.
-    fn shade<const MATTE: bool>(&self, job: &Job, first: &Hit, counts: &mut TraceCounts) -> Sample {
+    /// `primvars` becomes those of the first hit.
+    fn shade<const MATTE: bool>(
+        &self,
+        job: &Job,
+        first: &Hit,
+        counts: &mut TraceCounts,
+        primvars: &mut PrimvarSample,
+    ) -> Sample {
         let mut color = Vec3::ZERO;
         let mut transmittance = 1.0f32;
         let mut held_out = 0.0f32;
@@ -141,7 +154,8 @@ impl<'a> Integrator<'a> {
             if !hit.is_hit() {
                 break;
             }
-            let (layer, opacity) = self.surface(&job.ray, &hit, wants_first && unseen);
+            let first = (wants_first && unseen).then_some(&mut *primvars);
+            let (layer, opacity) = self.surface(&job.ray, &hit, first);
             let matte = MATTE && self.prepared.hit_prim(&hit).1.matte;
             if opacity > 0.0 && unseen {
                 unseen = false;
@@ -176,30 +190,31 @@ impl<'a> Integrator<'a> {
     }
 
     /// Shades one hit: radiance, opacity, and the AOV values when it may be the first.
-    fn surface(&self, ray: &Ray, hit: &Hit, want_first: bool) -> (Layer, f32) {
+    fn surface(&self, ray: &Ray, hit: &Hit, first: Option<&mut PrimvarSample>) -> (Layer, f32) {
         let prepared = self.prepared;
         let world = &prepared.world;
         let (entry, prim) = prepared.hit_prim(hit);
         let shading = &prim.objects.shading;
         let element = world.element(hit).unwrap_or(0);
-        let channel = |c: usize| {
-            let mut value = [0.0; 3];
-            world.channel(hit, c, &mut value);
-            value
-        };
+        let channels = AtHit { world, hit };
         let opacity = shading.opacity.as_ref().map_or(1.0, |source| {
-            source.value(element, channel)[0].clamp(0.0, 1.0)
+            let mut value = [0.0];
+            source.read(element, ray.time, &channels, &mut value);
+            value[0].clamp(0.0, 1.0)
         });
         let normal = world.shading_normal(hit, ray.time).unwrap_or(Vec3::ZERO);
         let normal = if entry.flip { -normal } else { normal };
         let n_eye = prepared.camera.normal_to_camera(normal, ray.time);
         let radiance = if self.keeps.color() {
-            let albedo = Vec3::from_array(shading.color.value(element, channel));
-            camera_lit(albedo, n_eye, self.irradiance)
+            let mut albedo = [0.0; 3];
+            let color = &shading.color;
+            color.read(element, ray.time, &channels, &mut albedo);
+            camera_lit(Vec3::from_array(albedo), n_eye, self.irradiance)
         } else {
             Vec3::ZERO
         };
-        let first = if want_first {
+        let first = if let Some(primvars) = first {
+            prepared.read_primvars(prim, element, ray.time, &channels, primvars);
             let p = world
                 .position(hit, ray.time)
                 .unwrap_or(ray.origin + ray.dir * hit.t);
@@ -239,6 +254,22 @@ impl<'a> Integrator<'a> {
             (Some(a), Some(b)) => (b - a).to_array(),
             _ => [0.0; 2],
         }
+    }
+}
+
+/// Channels at a hit.
+struct AtHit<'a> {
+    world: &'a World,
+    hit: &'a Hit,
+}
+
+impl ChannelAccess for AtHit<'_> {
+    #[inline]
+    fn smooth(&self, channel: usize, first: usize, out: &mut [f32]) {
+        self.world.channel_from(self.hit, channel, first, out);
+    }
+    fn nearest(&self, channel: usize, first: usize, out: &mut [f32]) {
+        self.world.channel_nearest(self.hit, channel, first, out);
     }
 }
 

@@ -12,6 +12,7 @@ mod objects;
 mod passes;
 mod prepare;
 mod prepared;
+mod primvar_aovs;
 mod query;
 mod shape;
 

@@ -9,6 +9,7 @@ use std::collections::HashMap;
 use glam::{DAffine3, DVec3};
 
 use super::instances::{self, Shared};
+use super::primvar_aovs::{PrimPrimvars, asked_of};
 use super::shape::{self, Shape, Target};
 use crate::bvh::ObjectGeometry;
 use crate::camera::Camera;
@@ -38,6 +39,8 @@ pub(super) struct Context<'a> {
     pub settings: &'a RenderSettings,
     pub factory: &'a dyn SubdivisionFactory,
     pub cancel: &'a AtomicBool,
+    /// Names of the primvars that AOVs ask for, ascending.
+    pub primvar_aovs: &'a [String],
 }
 
 /// Appearances of an object.
@@ -52,6 +55,7 @@ pub(super) struct PlacedSet {
 #[derive(Clone, Debug)]
 pub(super) struct PrimObjects {
     pub shading: PrimShading,
+    pub primvars: PrimPrimvars,
     pub placed: Vec<PlacedSet>,
     pub warnings: Vec<Warning>,
     /// Those of its geometry, where it is part of instancers.
@@ -71,12 +75,13 @@ pub(super) struct PrimObjects {
 
 impl PrimObjects {
     fn empty() -> Self {
-        let color = Source::Constant(DEFAULT_ALBEDO);
+        let color = Source::constant(&DEFAULT_ALBEDO);
         Self {
             shading: PrimShading {
                 color,
                 opacity: None,
             },
+            primvars: PrimPrimvars::default(),
             placed: Vec::new(),
             warnings: Vec::new(),
             shape_warnings: Vec::new(),
@@ -111,6 +116,7 @@ fn translate(prim: &PrimDesc, old: Option<&PrimObjects>, context: &Context<'_>) 
     let mut warnings = Vec::new();
     let shutter = prim_shutter(path, common.blur_scale, context.shutter, &mut warnings);
     let places = Places::new(prim, shutter, context.instancers);
+    out.primvars.asked = asked_of(prim, context.primvar_aovs).cloned().collect();
     if let Ok(Places::Many(placements)) = &places
         && placements.count() == 0
     {

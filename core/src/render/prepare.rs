@@ -11,7 +11,8 @@ use super::ahead::Ahead;
 use super::chains::{self, Chain, same_chain};
 use super::objects::{Context, PrimObjects, prepare_prim};
 use super::prepared::{CacheEntry, PrepareStatistics, Prepared, PreparedPrim, SetEntry};
-use crate::aov::Aov;
+use super::primvar_aovs;
+use crate::aov::{Aov, primvar_of};
 use crate::camera::Camera;
 use crate::diagnostics::{Code, Warning};
 use crate::effects::{EffectPlan, TimePlan};
@@ -59,6 +60,8 @@ pub(super) struct View {
     pub camera_desc: Arc<CameraDesc>,
     pub settings: Arc<RenderSettings>,
     pub shutter: Shutter,
+    /// Names of the primvars that AOVs ask for, ascending.
+    pub primvar_aovs: Vec<String>,
 }
 
 impl View {
@@ -80,6 +83,7 @@ impl View {
             camera_desc: Arc::clone(camera_desc),
             settings: Arc::clone(settings),
             shutter,
+            primvar_aovs: primvar_aovs::names(settings),
         })
     }
 
@@ -97,6 +101,7 @@ impl View {
             settings: &self.settings,
             factory,
             cancel,
+            primvar_aovs: &self.primvar_aovs,
         }
     }
 }
@@ -130,7 +135,7 @@ pub fn prepare_with(
     let mut warnings = Vec::new();
     let view = View::new(scene, &mut warnings)?;
     let settings = &scene.settings;
-    let aovs = resolve_aovs(settings, &mut warnings);
+    let mut aovs = resolve_aovs(settings, &mut warnings);
 
     let ahead = ahead.map(|ahead| ahead.take_for(&view)).unwrap_or_default();
     let places = find_places(scene, &mut warnings);
@@ -140,14 +145,17 @@ pub fn prepare_with(
         .collect();
     let same_view = previous.filter(|p| same_dicing(p.shutter, &p.camera_desc, &p.settings, &view));
     let same_rates = previous.filter(|p| same_shared_dicing(p, &view));
+    let same_primvars =
+        |objects: &PrimObjects, prim: &PrimDesc| objects.primvars.fit(prim, &view.primvar_aovs);
     let taken = |id: &PrimId, prim: &Arc<PrimDesc>, chain: &Chain| {
         let new = ahead.get(id).filter(|new| Arc::ptr_eq(&new.desc, prim));
+        let new = new.filter(|new| same_primvars(&new.objects, prim));
         if let Some(new) = new {
             return Some((Arc::clone(&new.objects), Taken::Ahead));
         }
         let old = same_view?.cache.get(id)?;
         let same = same_geometry(&old.desc, prim) && same_place(&old.desc, prim);
-        let same = same && same_chain(&old.chain, chain);
+        let same = same && same_chain(&old.chain, chain) && same_primvars(&old.objects, prim);
         same.then(|| (Arc::clone(&old.objects), Taken::Whole))
     };
     let found: Vec<Option<(Arc<PrimObjects>, Taken)>> = visible
@@ -170,7 +178,10 @@ pub fn prepare_with(
                 return found;
             }
             let old = same_rates.and_then(|p| p.cache.get(id));
-            let old = old.filter(|old| same_geometry(&old.desc, prim));
+            let same = |old: &&CacheEntry| {
+                same_geometry(&old.desc, prim) && same_primvars(&old.objects, prim)
+            };
+            let old = old.filter(same);
             let old = old.map(|old| &*old.objects);
             let objects = Arc::new(prepare_prim(prim, old, &context));
             let taken = match objects.diced || old.is_none() {
@@ -217,9 +228,12 @@ pub fn prepare_with(
             pick_id: desc.common.pick_id,
             matte: desc.common.matte,
             objects,
+            primvars: Vec::new(),
         });
     }
     drop(instancers);
+    let primvar_aovs = primvar_aovs::assign(&view.primvar_aovs, &mut prims, &mut warnings);
+    aovs.extend(primvar_aovs.iter().cloned().map(Aov::Primvar));
     let (world, sets) = place(&prims, &view.camera, &mut statistics)?;
     drop(places);
     let View {
@@ -236,6 +250,7 @@ pub fn prepare_with(
         camera,
         shutter,
         aovs,
+        primvar_aovs,
         world,
         prims,
         sets,
@@ -315,6 +330,7 @@ fn resolve_aovs(settings: &RenderSettings, warnings: &mut Vec<Warning>) -> Vec<A
     for name in &settings.aovs {
         match Aov::from_name(name) {
             Some(aov) => aovs.push(aov),
+            None if primvar_of(name).is_some() => {}
             None => {
                 let text = format!("AOV {name} is not known; it is left out");
                 warnings.push(Warning::new("", Code::Unsupported, text));
@@ -496,6 +512,10 @@ fn plan_effects(
     } else if shutter.is_still() {
         plan.time_note = Some("the shutter has no length".to_owned());
     }
+    plan.primvar_time_by = placed
+        .clone()
+        .find(|p| p.objects.primvars.segments > 0)
+        .map(|p| p.path.clone());
     plan.moving_instances = placed
         .clone()
         .flat_map(|p| &p.objects.placed)

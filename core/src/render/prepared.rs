@@ -5,11 +5,12 @@ use std::sync::Arc;
 
 use super::chains::Chain;
 use super::objects::PrimObjects;
-use crate::aov::Aov;
+use crate::aov::{Aov, PrimvarAov};
 use crate::camera::Camera;
 use crate::effects::EffectPlan;
 use crate::motion::Shutter;
 use crate::scene::{CameraDesc, PrimDesc, PrimId, RenderSettings};
+use crate::shade::Source;
 use crate::trace::{Hit, World};
 
 /// A prim as rays meet it.
@@ -20,6 +21,8 @@ pub(super) struct PreparedPrim {
     /// See [`crate::scene::PrimCommon::matte`].
     pub matte: bool,
     pub objects: Arc<PrimObjects>,
+    /// The primvar of each of [`Prepared::primvar_aovs`], in their order.
+    pub primvars: Vec<Option<Arc<Source>>>,
 }
 
 /// One entry a set of instances of the world: which prim appears.
@@ -77,6 +80,7 @@ pub struct Prepared {
     pub(super) camera: Camera,
     pub(super) shutter: Shutter,
     pub(super) aovs: Vec<Aov>,
+    pub(super) primvar_aovs: Vec<Arc<PrimvarAov>>,
     pub(super) world: World,
     pub(super) prims: Vec<PreparedPrim>,
     pub(super) sets: Vec<SetEntry>,

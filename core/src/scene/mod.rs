@@ -9,6 +9,7 @@ pub mod camera;
 pub mod geometry;
 pub mod instancer;
 pub mod prim;
+pub mod primvar;
 pub mod settings;
 
 use std::collections::BTreeMap;
@@ -23,7 +24,8 @@ pub use geometry::{
     SpheresDesc,
 };
 pub use instancer::{InstanceArrays, InstancerDesc, PrototypeOf};
-pub use prim::{Interpolation, PrimCommon, PrimDesc, PrimvarDesc, TransformSamples};
+pub use prim::{PrimCommon, PrimDesc, TransformSamples};
+pub use primvar::{Interpolation, PrimvarDesc, PrimvarRole, PrimvarSample, PrimvarValues};
 pub use settings::{FilterKind, RenderSettings, WindowPolicy};
 
 /// Identifies a prim for the life of a scene; never reused.

@@ -1,11 +1,10 @@
 //! What all geometry prims have: transforms, primvars, instances, visibility.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
 use glam::DMat4;
 
-use super::{Geometry, PrototypeOf};
+use super::{Geometry, PrimvarDesc, PrototypeOf};
 
 /// Matrix samples of one level of the hierarchy. Matrices map local to parent, column vectors
 /// (USD's row-vector matrices in row-major order have the same sixteen numbers in memory).
@@ -15,34 +14,6 @@ pub struct TransformSamples {
     pub times: Vec<f64>,
     /// One matrix a time.
     pub matrices: Vec<DMat4>,
-}
-
-/// UsdGeomPrimvar's interpolation.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Interpolation {
-    /// One value.
-    Constant,
-    /// One a face.
-    Uniform,
-    /// One a vertex, linear over faces.
-    Varying,
-    /// One a vertex, smoothed with the scheme.
-    Vertex,
-    /// One a face-vertex.
-    FaceVarying,
-}
-
-/// A primvar, one sample.
-#[derive(Clone, Debug, PartialEq)]
-pub struct PrimvarDesc {
-    /// Interpolation.
-    pub interpolation: Interpolation,
-    /// Floats per value.
-    pub width: usize,
-    /// `value_count * width` floats.
-    pub values: Arc<Vec<f32>>,
-    /// Indices into the values, or empty.
-    pub indices: Arc<Vec<i32>>,
 }
 
 /// What all geometry prims have.

@@ -116,6 +116,37 @@ pub enum ChannelKind {
     Varying,
     /// One value a face-vertex, smoothed as faceVaryingLinearInterpolation says.
     FaceVarying,
+    /// One value a face-vertex, that of the nearest one (see [`nearest_corner`]), bit for bit.
+    Nearest,
+}
+
+impl ChannelKind {
+    /// True for kinds with an index a face-vertex.
+    pub fn is_indexed(self) -> bool {
+        matches!(self, ChannelKind::FaceVarying | ChannelKind::Nearest)
+    }
+}
+
+/// The corner of a face of `size` sides that a place is nearest to, by its parameters: each corner
+/// has its quarter of a quad, and its sub-face of any other face.
+pub fn nearest_corner(size: usize, domain: PatchDomain, st: Vec2) -> usize {
+    let last = size.saturating_sub(1);
+    let (right, up) = (st.x >= 0.5, st.y >= 0.5);
+    match domain {
+        PatchDomain::Corner(i) => (i as usize).min(last),
+        PatchDomain::Whole => match (right, up) {
+            (false, false) => 0,
+            (true, false) => 1,
+            (true, true) => 2.min(last),
+            (false, true) => 3.min(last),
+        },
+        PatchDomain::Collapsed => {
+            // Weights of the triangle's corners.
+            let w = [(1.0 - st.x) * (1.0 - st.y), st.x * (1.0 - st.y), st.y];
+            let best = if w[0] > w[1] { 0 } else { 1 };
+            if w[2] >= w[best] { 2.min(last) } else { best }
+        }
+    }
 }
 
 /// A channel handed to a surface when it is made. Lengths were checked by the caller.
@@ -127,7 +158,7 @@ pub struct Channel {
     pub width: usize,
     /// `value_count * width` floats.
     pub values: Vec<f32>,
-    /// For face-varying data: index into `values` for each face-vertex (length: index count), which
+    /// For data by face-vertex: index into `values` for each face-vertex (length: index count), which
     /// carries the seams. Empty for the other kinds.
     pub indices: Vec<u32>,
 }

@@ -12,7 +12,7 @@ use glam::{DVec3, Vec2, Vec3};
 
 use super::{
     Channel, ChannelInfo, ChannelKind, LimitEvaluator, LimitSamples, LimitSurface, MeshTopology,
-    Orientation, PatchDomain, SurfaceError, triangulate,
+    Orientation, PatchDomain, SurfaceError, nearest_corner, triangulate,
 };
 
 /// A polygon mesh as a limit surface.
@@ -148,7 +148,7 @@ fn check(
         let fits = channel.width > 0
             && match channel.kind {
                 ChannelKind::Vertex | ChannelKind::Varying => count >= topology.vertex_count,
-                ChannelKind::FaceVarying => {
+                ChannelKind::FaceVarying | ChannelKind::Nearest => {
                     channel.indices.len() == index_count
                         && channel.indices.iter().all(|&j| (j as usize) < count)
                 }
@@ -304,12 +304,18 @@ impl LimitEvaluator for PolygonEvaluator<'_> {
         let value = |i: usize| {
             let index = match channel.kind {
                 ChannelKind::Vertex | ChannelKind::Varying => surface.vertices[range.start + i],
-                ChannelKind::FaceVarying => {
+                ChannelKind::FaceVarying | ChannelKind::Nearest => {
                     channel.indices[surface.corners[range.start + i] as usize]
                 }
             };
             &channel.values[index as usize * width..][..width]
         };
+        if channel.kind == ChannelKind::Nearest {
+            for &st in st {
+                out.extend_from_slice(value(nearest_corner(size, domain, st)));
+            }
+            return;
+        }
         // A triangle's fourth corner has no weight.
         let p = [value(0), value(1), value(2), value(size - 1)];
         for &st in st {

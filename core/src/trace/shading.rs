@@ -137,20 +137,57 @@ impl World {
     /// Writes channel `channel` at the hit to `out`, up to the channel's width or `out`'s length, and
     /// returns the number of floats written.
     pub fn channel(&self, hit: &Hit, channel: usize, out: &mut [f32]) -> Option<usize> {
+        self.channel_from(hit, channel, 0, out)
+    }
+
+    /// [`World::channel`] from float `first` of the channel's values on.
+    pub fn channel_from(
+        &self,
+        hit: &Hit,
+        channel: usize,
+        first: usize,
+        out: &mut [f32],
+    ) -> Option<usize> {
+        self.blend(hit, channel, first, corner_weights(hit.u, hit.v), out)
+    }
+
+    /// [`World::channel_from`] without interpolation: the values at the cell's corner that is nearest
+    /// to the hit, each having its quarter.
+    pub fn channel_nearest(
+        &self,
+        hit: &Hit,
+        channel: usize,
+        first: usize,
+        out: &mut [f32],
+    ) -> Option<usize> {
+        let nearest = match (hit.u >= 0.5, hit.v >= 0.5) {
+            (false, false) => [1.0, 0.0, 0.0, 0.0],
+            (true, false) => [0.0, 1.0, 0.0, 0.0],
+            (true, true) => [0.0, 0.0, 1.0, 0.0],
+            (false, true) => [0.0, 0.0, 0.0, 1.0],
+        };
+        self.blend(hit, channel, first, nearest, out)
+    }
+
+    fn blend(
+        &self,
+        hit: &Hit,
+        channel: usize,
+        start: usize,
+        w: [f32; 4],
+        out: &mut [f32],
+    ) -> Option<usize> {
         let mesh = self.object(hit)?.mesh();
         let corners = cell_corners(mesh, hit)?;
         let first = mesh.grids.get(hit.grid as usize)?.first_vertex as usize;
         let channel = mesh.channels.get(channel)?;
-        let w = corner_weights(hit.u, hit.v);
-        let width = channel.width.min(out.len());
+        let width = channel.width.saturating_sub(start).min(out.len());
         for (c, value) in out.iter_mut().enumerate().take(width) {
             *value = 0.0;
             for i in 0..4 {
                 if w[i] != 0.0 {
-                    let x = channel
-                        .values
-                        .get((first + corners[i]) * channel.width + c)?;
-                    *value += w[i] * x;
+                    let at = (first + corners[i]) * channel.width + start + c;
+                    *value += w[i] * channel.values.get(at)?;
                 }
             }
         }

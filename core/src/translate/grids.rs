@@ -3,11 +3,11 @@
 use glam::Vec3;
 
 use super::points::{Bends, PointKeys, point_keys};
+use super::primvar::{Count, Counts, Resolved, Spread};
 use crate::diagnostics::{Code, Warning};
 use crate::grid::{DicedMesh, Grid, MAX_GRID_RATE};
 use crate::motion::{PointPath, Shutter};
-use crate::scene::{GridsDesc, Interpolation, PointsSamples, PrimvarDesc};
-use crate::shade::Source;
+use crate::scene::{GridsDesc, Interpolation, PointsSamples};
 
 /// Checked grids: vertices of all grids, concatenated, at each key.
 #[derive(Clone, Debug)]
@@ -78,6 +78,24 @@ pub fn check(
 }
 
 impl CheckedGrids {
+    /// Primvars are constant, or uniform by element.
+    pub fn primvar_counts(&self) -> Counts {
+        let last = self.grids.iter().map(|g| g.element as usize + 1).max();
+        Counts {
+            uniform: Count(last.unwrap_or(0), "elements"),
+            more_is_fine: true,
+            ..Counts::one_value("grids")
+        }
+    }
+
+    /// Spreads a primvar that was resolved with [`CheckedGrids::primvar_counts`].
+    pub fn spread<C>(resolved: Resolved) -> Spread<C> {
+        match resolved.interpolation {
+            Interpolation::Uniform => Spread::Uniform(resolved.into_items()),
+            _ => resolved.into_constant(),
+        }
+    }
+
     /// The diced mesh along `path`. Shading is flat: grids carry no normals.
     pub fn place(&self, path: &PointPath) -> DicedMesh {
         let vertex_count = self.points.points[0].len();
@@ -101,57 +119,6 @@ impl CheckedGrids {
             positions,
             ..DicedMesh::default()
         }
-    }
-}
-
-/// A primvar of pre-diced grids: constant, or uniform by element.
-pub fn resolve_primvar(
-    path: &str,
-    name: &str,
-    primvar: &PrimvarDesc,
-    width: usize,
-    grids: &CheckedGrids,
-    warnings: &mut Vec<Warning>,
-) -> Option<Source> {
-    let mut refuse = |code, text: &str| {
-        warnings.push(Warning::new(
-            path,
-            code,
-            format!("primvar {name} {text}; it is ignored"),
-        ));
-        None
-    };
-    if primvar.width != width || !primvar.indices.is_empty() {
-        return refuse(
-            Code::Unsupported,
-            "must have plain values of the right width on grids",
-        );
-    }
-    if primvar.values.iter().any(|x| !x.is_finite()) {
-        return refuse(Code::NotFinite, "has values that are not finite");
-    }
-    let count = primvar.values.len() / width;
-    let elements = grids
-        .grids
-        .iter()
-        .map(|g| g.element as usize + 1)
-        .max()
-        .unwrap_or(0);
-    match primvar.interpolation {
-        _ if count == 1 => {
-            let v = &primvar.values;
-            Some(Source::Constant(if width == 1 {
-                [v[0]; 3]
-            } else {
-                [v[0], v[1], v[2]]
-            }))
-        }
-        Interpolation::Uniform if count >= elements => Some(Source::Uniform {
-            width,
-            values: primvar.values.to_vec(),
-        }),
-        Interpolation::Uniform => refuse(Code::PrimvarLength, "has fewer values than elements"),
-        _ => refuse(Code::Unsupported, "must be constant or uniform on grids"),
     }
 }
 

@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 use super::points::{Bends, PointKeys, point_keys};
-use super::values::Counts;
+use super::primvar::{Count, Counts};
 use crate::diagnostics::{Code, Warning};
 use crate::motion::Shutter;
 use crate::motion::rates::usable;
@@ -93,10 +93,13 @@ pub fn check(
         }
     }
     let weights = weights(desc, needed, &mut warn);
+    let ends = (knots[0].segment_count() + 1) * (knots[1].segment_count() + 1);
+    let varying = Count(ends, "ends of segments");
     let counts = Counts {
-        uniform: 1,
-        varying: (knots[0].segment_count() + 1) * (knots[1].segment_count() + 1),
-        vertex: needed,
+        varying,
+        vertex: Count(needed, "points"),
+        face_varying: varying,
+        ..Counts::one_value("patch")
     };
     let patch = NurbsPatch {
         knots,
@@ -180,7 +183,7 @@ mod tests {
         let (out, warnings) = run(|_| {});
         let out = out.unwrap();
         assert!(warnings.is_empty());
-        assert_eq!((out.counts.vertex, out.counts.varying), (6, 4));
+        assert_eq!((out.counts.vertex.0, out.counts.varying.0), (6, 4));
         assert!(out.patch.weights.is_empty() && out.patch.usable.is_empty());
         let (out, warnings) = run(|d| d.weights = Arc::new(vec![2.0, 1.0, 2.0, 2.0, 1.0, 2.0]));
         assert_eq!(out.unwrap().patch.weights, [1.0, 0.5, 1.0, 1.0, 0.5, 1.0]);

@@ -12,12 +12,13 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
+use super::primvar::WIDEST;
 use super::values::{self, Counts, Values};
 use crate::diagnostics::{Code, Warning};
 use crate::nurbs::Knots;
 use crate::scene::{
     CurveBasis, CurveWrap, CurvesDesc, Interpolation, NurbsCurvesDesc, PointsSamples, PrimvarDesc,
-    Rates, Samples,
+    PrimvarSample, PrimvarValues, Rates, Samples,
 };
 
 /// Cubics that stand for a span which is none.
@@ -308,6 +309,8 @@ fn map_samples(samples: &PointsSamples, curves: &[Option<Curve>]) -> PointsSampl
     }
 }
 
+/// A primvar of the curves that these become, sample by sample. Whole numbers cannot be blended: they
+/// are left out where they differ along curves.
 fn map_primvar(
     path: &str,
     name: &str,
@@ -316,54 +319,94 @@ fn map_primvar(
     curves: &[Option<Curve>],
     warnings: &mut Vec<Warning>,
 ) -> Option<PrimvarDesc> {
-    let width = primvar.width;
-    let resolved = if name == "widths" {
-        values::resolve_widths(path, Some(primvar), counts, warnings)
-    } else if width == 0 {
+    let along = !matches!(
+        primvar.interpolation,
+        Interpolation::Constant | Interpolation::Uniform
+    );
+    if primvar.is_integer() {
+        if along {
+            let text =
+                format!("primvar {name} has whole numbers along NURBS curves; it is ignored");
+            warnings.push(Warning::new(path, Code::Unsupported, text));
+        }
+        return (!along).then(|| primvar.clone());
+    }
+    let width = primvar.width.saturating_mul(size(primvar.element_size));
+    if !(1..=WIDEST).contains(&width) {
         return None;
-    } else {
-        values::resolve(path, name, primvar, width, counts, warnings)?
+    }
+    let mut out = PrimvarDesc {
+        interpolation: Interpolation::Constant,
+        width,
+        element_size: 1,
+        samples: Vec::new(),
+        ..primvar.clone()
     };
-    let map = |floats: &[f32], along: bool| {
-        let mut out = Vec::new();
-        for curve in curves.iter().flatten() {
-            let first = if along {
-                curve.first
-            } else {
-                curve.first_varying
-            };
-            let start = out.len();
-            for component in 0..width {
-                let value = |i: usize| f64::from(floats[(first + i) * width + component]);
-                let mut at = start + component;
-                let mut put = |x: f64| {
-                    if component == 0 {
-                        out.resize(out.len() + width, 0.0);
-                    }
-                    out[at] = x as f32;
-                    at += width;
-                };
-                if along {
-                    curve.bezier(&value, &mut put);
-                } else {
-                    curve.varying(&value, &mut put);
+    let mut found = Vec::new();
+    for sample in &primvar.samples {
+        let one = PrimvarDesc {
+            width,
+            element_size: 1,
+            samples: vec![sample.clone()],
+            ..primvar.clone()
+        };
+        let resolved = match name {
+            "widths" => Some(values::resolve_widths(path, Some(&one), counts, &mut found)),
+            _ => values::resolve(path, name, &one, width, counts, &mut found),
+        };
+        let Some(resolved) = resolved else { continue };
+        let (interpolation, floats) = match resolved {
+            Values::Constant(values) => (Interpolation::Constant, values),
+            Values::Uniform(values) => (Interpolation::Uniform, values),
+            Values::Varying(values) => {
+                let mapped = map_floats(&values, width, curves, false);
+                (Interpolation::Varying, mapped)
+            }
+            Values::Vertex(values) => {
+                let mapped = map_floats(&values, width, curves, true);
+                (Interpolation::Vertex, mapped)
+            }
+        };
+        if interpolation != Interpolation::Constant {
+            out.interpolation = interpolation;
+        }
+        out.samples.push(PrimvarSample {
+            time: sample.time,
+            values: Arc::new(PrimvarValues::Float(floats)),
+            indices: Arc::default(),
+        });
+    }
+    warnings.extend(found.into_iter().take(1));
+    (!out.samples.is_empty()).then_some(out)
+}
+
+/// Values at each of the curves' points, or at the ends of their segments, of `width` floats.
+fn map_floats(floats: &[f32], width: usize, curves: &[Option<Curve>], points: bool) -> Vec<f32> {
+    let mut out = Vec::new();
+    for curve in curves.iter().flatten() {
+        let first = match points {
+            true => curve.first,
+            false => curve.first_varying,
+        };
+        let start = out.len();
+        for component in 0..width {
+            let value = |i: usize| f64::from(floats[(first + i) * width + component]);
+            let mut at = start + component;
+            let mut put = |x: f64| {
+                if component == 0 {
+                    out.resize(out.len() + width, 0.0);
                 }
+                out[at] = x as f32;
+                at += width;
+            };
+            if points {
+                curve.bezier(&value, &mut put);
+            } else {
+                curve.varying(&value, &mut put);
             }
         }
-        out
-    };
-    let (interpolation, values) = match resolved {
-        Values::Constant(values) => (Interpolation::Constant, values),
-        Values::Uniform(values) => (Interpolation::Uniform, values),
-        Values::Varying(values) => (Interpolation::Varying, map(&values, false)),
-        Values::Vertex(values) => (Interpolation::Vertex, map(&values, true)),
-    };
-    Some(PrimvarDesc {
-        interpolation,
-        width,
-        values: Arc::new(values),
-        indices: Arc::default(),
-    })
+    }
+    out
 }
 
 #[cfg(test)]

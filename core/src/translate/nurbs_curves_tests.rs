@@ -160,12 +160,8 @@ fn primvars_and_velocities_follow_the_points() {
         times: vec![0.0],
         values: vec![Arc::new(v.iter().map(double).collect())],
     };
-    let primvar = |interpolation, width, values: Vec<f32>| PrimvarDesc {
-        interpolation,
-        width,
-        values: Arc::new(values),
-        indices: Arc::default(),
-    };
+    let primvar =
+        |interpolation, width, values| PrimvarDesc::still(interpolation, width, values, vec![]);
     let vertex = primvar(
         Interpolation::Vertex,
         3,
@@ -192,14 +188,17 @@ fn primvars_and_velocities_follow_the_points() {
     let bezier = &out.curves.points.points[0];
     assert_eq!(bezier.len(), 20);
     let rates = &out.curves.points.rates.velocities.values[0];
-    let colors = &out.primvars["displayColor"].values;
+    let floats = |name: &str| out.primvars[name].floats_at_frame().unwrap().0;
+    let colors = floats("displayColor");
     for (i, p) in bezier.iter().enumerate() {
         assert!((rates[i] - *p * 2.0).length() < 1e-6);
         assert!((Vec3::from_slice(&colors[3 * i..]) - *p).length() < 1e-6);
     }
-    let opacity = &out.primvars["displayOpacity"].values;
-    assert_eq!(**opacity, [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
-    assert_eq!(*out.primvars["widths"].values, [5.0, 6.0]);
+    assert_eq!(
+        floats("displayOpacity"),
+        [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]
+    );
+    assert_eq!(floats("widths"), [5.0, 6.0]);
 }
 
 #[test]

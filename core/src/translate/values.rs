@@ -71,32 +71,25 @@ pub fn resolve(
             primvar.width
         ));
     }
-    let value_count = primvar.values.len() / width;
+    let Some((values, indices)) = primvar.floats_at_frame() else {
+        return None;
+    };
+    let value_count = values.len() / width;
     if value_count == 0 {
         return None;
     }
     let out_of_range = |&i: &i32| usize::try_from(i).map_or(true, |i| i >= value_count);
-    if primvar.indices.iter().any(out_of_range) {
+    if indices.iter().any(out_of_range) {
         return refuse(format!("has indices outside its {value_count} values"));
     }
-    let indexed = !primvar.indices.is_empty();
-    let count = if indexed {
-        primvar.indices.len()
-    } else {
-        value_count
-    };
+    let indexed = !indices.is_empty();
+    let count = if indexed { indices.len() } else { value_count };
     let gather = |count: usize| -> Vec<f32> {
         if !indexed {
-            return primvar.values[..count * width].to_vec();
+            return values[..count * width].to_vec();
         }
-        primvar.indices[..count]
-            .iter()
-            .flat_map(|&i| {
-                primvar.values[i as usize * width..][..width]
-                    .iter()
-                    .copied()
-            })
-            .collect()
+        let value = |&i: &i32| values[i as usize * width..][..width].iter().copied();
+        indices[..count].iter().flat_map(value).collect()
     };
     let (expected, what) = match primvar.interpolation {
         _ if count == 1 => return Some(Values::Constant(gather(1))),
@@ -149,7 +142,9 @@ pub fn resolve_widths(
     };
     let before = warnings.len();
     let mut values = resolve(path, "widths", primvar, 1, counts, warnings).unwrap_or_else(|| {
-        let first = primvar.values.first().copied();
+        let first = primvar
+            .floats_at_frame()
+            .and_then(|(v, _)| v.first().copied());
         let first = first.filter(|w| primvar.width == 1 && *w >= 0.0);
         if let (Some(first), Some(warning)) = (first, warnings.get_mut(before)) {
             let kept = warning.text.trim_end_matches("it is ignored");
@@ -179,7 +174,6 @@ const LARGEST_WIDTH: f32 = crate::motion::rates::LARGEST_COORDINATE;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::sync::Arc;
 
     const COUNTS: Counts = Counts {
         uniform: 3,
@@ -188,12 +182,7 @@ mod tests {
     };
 
     fn primvar(interpolation: Interpolation, values: Vec<f32>, indices: Vec<i32>) -> PrimvarDesc {
-        PrimvarDesc {
-            interpolation,
-            width: 1,
-            values: Arc::new(values),
-            indices: Arc::new(indices),
-        }
+        PrimvarDesc::still(interpolation, 1, values, indices)
     }
 
     fn run(p: &PrimvarDesc) -> (Option<Values>, Vec<Warning>) {

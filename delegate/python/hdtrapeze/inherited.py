@@ -4,15 +4,15 @@ import hashlib
 
 from pxr import Usd, UsdGeom
 
-from .primvars import WIDTHS
 from .shutter import Shutter
 
 
 class Inherited:
     """Reads inherited primvars for one frame, each prim once."""
 
-    def __init__(self, shutter: Shutter):
+    def __init__(self, shutter: Shutter, names: tuple[str, ...]):
         self._shutter = shutter
+        self._names = names
         self._known: dict = {}
 
     def below(self, prim: Usd.Prim) -> tuple:
@@ -32,7 +32,7 @@ class Inherited:
         if path not in self._known:
             found = self._below(prim.GetParent())
             api = UsdGeom.PrimvarsAPI(prim)
-            own = {name: api.GetPrimvar(name) for name in WIDTHS}
+            own = {name: api.GetPrimvar(name) for name in self._names}
             own = {name: primvar for name, primvar in own.items() if primvar.HasAuthoredValue()}
             for name, primvar in own.items():
                 found = found | {name: self._value(primvar)}

@@ -1,14 +1,19 @@
-"""Primvars that are shaded with or give shape: displayColor, displayOpacity, normals, widths."""
+"""Reads primvars as raw samples: those that are shaded with or give shape, those that AOVs want.
 
+Nothing is checked here but that they hold numbers: the renderer checks counts and indices.
+"""
+
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from pxr import UsdGeom
+from pxr import Gf, Sdf, Usd, UsdGeom
 
 from .log import SceneLog
-from .shutter import Shutter
+from .shutter import Shutter, bracketing_samples
 
-WIDTHS = {"displayColor": 3, "displayOpacity": 1, "normals": 3, "widths": 1}
+SHADED = ("displayColor", "displayOpacity", "normals", "widths")
+AOV_PREFIX = "primvars:"
 
 INTERPOLATIONS = {
     "constant": "CONSTANT",
@@ -18,77 +23,172 @@ INTERPOLATIONS = {
     "faceVarying": "FACE_VARYING",
 }
 
+NUMBERS = {
+    np.dtype(np.float32): "FLOAT32",
+    np.dtype(np.float64): "FLOAT64",
+    np.dtype(np.float16): "FLOAT16",
+    np.dtype(np.int32): "INT32",
+    np.dtype(np.uint32): "UINT32",
+    np.dtype(np.int64): "INT64",
+    np.dtype(np.uint64): "UINT64",
+    np.dtype(np.uint8): "UINT8",
+}
+
+
+@dataclass
+class Sample:
+    """A primvar at one time, relative to the frame."""
+
+    time: float
+    values: np.ndarray  # (n, width), of a type of NUMBERS
+    indices: np.ndarray | None  # i32
+
 
 @dataclass
 class Primvar:
-    """One primvar at one frame."""
+    """One primvar at one frame; all samples are of one type."""
 
     interpolation: str  # a key of INTERPOLATIONS
-    values: np.ndarray  # (n, width) f32
-    indices: np.ndarray | None  # i32
+    samples: list[Sample]
     varies: bool  # may differ at another frame
+    is_color: bool = False
+    element_size: int = 1
+    unauthored_index: int = -1
+
+    def at_frame(self) -> Sample:
+        """The values at the frame's own time, between the samples around it."""
+        before = [sample for sample in self.samples if sample.time <= 0.0]
+        after = [sample for sample in self.samples if sample.time > 0.0]
+        first, second = (before or after)[-1 if before else 0], (after or before)[0]
+        if not before or not after or first.values.shape != second.values.shape:
+            return first
+        f = -first.time / (second.time - first.time)
+        return Sample(0.0, first.values + (second.values - first.values) * f, first.indices)
 
 
-def read_primvars(mesh: UsdGeom.Gprim, shutter: Shutter, log: SceneLog) -> dict[str, Primvar]:
-    """The primvars of `mesh` by name; what cannot be used is left out with a warning."""
-    found = {}
-    api = UsdGeom.PrimvarsAPI(mesh)
-    for name in WIDTHS:
+def wanted_primvars(aovs: Iterable[str]) -> tuple[str, ...]:
+    """Names of the primvars that a render of these AOVs reads."""
+    asked = (name[len(AOV_PREFIX) :] for name in aovs if name.startswith(AOV_PREFIX))
+    return tuple(dict.fromkeys((*SHADED, *asked)))
+
+
+def read_primvars(
+    prim: UsdGeom.Gprim, shutter: Shutter, names: Iterable[str], log: SceneLog
+) -> tuple[dict[str, Primvar], bool]:
+    """The primvars of these names, and whether they may differ at another frame.
+
+    What cannot be used is left out with a warning.
+    """
+    found, varies = {}, False
+    api = UsdGeom.PrimvarsAPI(prim)
+    for name in names:
         primvar = api.FindPrimvarWithInheritance(name)
-        if primvar and primvar.HasValue():
-            indices = primvar.GetIndices(shutter.time) if primvar.IsIndexed() else None
-            read = _make(
-                mesh,
-                name,
-                primvar.Get(shutter.time),
-                primvar.GetInterpolation(),
-                indices,
-                primvar.ValueMightBeTimeVarying(),
-                log,
-            )
-            if read:
-                found[name] = read
-    for name, attribute, interpolation in _attributes(mesh):
-        if name not in found and attribute.HasAuthoredValue():
-            value, varies = attribute.Get(shutter.time), attribute.ValueMightBeTimeVarying()
-            read = _make(mesh, name, value, interpolation, None, varies, log)
-            if read:
-                found[name] = read
-    return found
+        if primvar and primvar.HasAuthoredValue():
+            authored = _Authored.of_primvar(primvar)
+        else:
+            authored = _attribute(prim, name)
+        if authored is None:
+            continue
+        varies |= authored.varies
+        read = _read(prim, name, authored, shutter, log)
+        if read:
+            found[name] = read
+    return found, varies
 
 
-def _attributes(mesh: UsdGeom.Gprim):
-    """Name, attribute and interpolation of what schemas have beside primvars; primvars win."""
-    points = UsdGeom.PointBased(mesh)
-    if points:
-        yield "normals", points.GetNormalsAttr(), points.GetNormalsInterpolation()
-    for schema in (UsdGeom.Curves, UsdGeom.Points):
-        wide = schema(mesh)
-        if wide:
-            yield "widths", wide.GetWidthsAttr(), wide.GetWidthsInterpolation()
+@dataclass
+class _Authored:
+    attribute: Usd.Attribute
+    interpolation: str
+    indices: Usd.Attribute | None = None
+    element_size: int = 1
+    unauthored_index: int = -1
+
+    @classmethod
+    def of_primvar(cls, primvar: UsdGeom.Primvar):
+        return cls(
+            primvar.GetAttr(),
+            primvar.GetInterpolation(),
+            primvar.GetIndicesAttr() if primvar.IsIndexed() else None,
+            primvar.GetElementSize(),
+            primvar.GetUnauthoredValuesIndex(),
+        )
+
+    def times(self, shutter: Shutter) -> list[float]:
+        """Times of its samples around the shutter, relative to the frame; else the frame's own."""
+        found = set(bracketing_samples(self.attribute, shutter) or ())
+        if self.indices:
+            found.update(bracketing_samples(self.indices, shutter) or ())
+        return sorted(time - shutter.frame for time in found) or [0.0]
+
+    @property
+    def varies(self) -> bool:
+        return self.attribute.ValueMightBeTimeVarying() or bool(
+            self.indices and self.indices.ValueMightBeTimeVarying()
+        )
 
 
-def _make(mesh, name, value, interpolation, indices, varies, log) -> Primvar | None:
-    if value is None:
-        return None
-    path, width = mesh.GetPath(), WIDTHS[name]
-    if interpolation not in INTERPOLATIONS:
-        text = f"{name} has the interpolation {interpolation!r}, which is none; it is ignored"
+def _attribute(prim: UsdGeom.Gprim, name: str) -> _Authored | None:
+    """What schemas have as attributes of their own; a primvar of the name wins."""
+    if name == "normals":
+        points = UsdGeom.PointBased(prim)
+        if points and points.GetNormalsAttr().HasAuthoredValue():
+            return _Authored(points.GetNormalsAttr(), points.GetNormalsInterpolation())
+    if name == "widths":
+        for schema in (UsdGeom.Curves, UsdGeom.Points):
+            wide = schema(prim)
+            if wide and wide.GetWidthsAttr().HasAuthoredValue():
+                return _Authored(wide.GetWidthsAttr(), wide.GetWidthsInterpolation())
+    return None
+
+
+def _read(prim, name: str, authored: _Authored, shutter: Shutter, log) -> Primvar | None:
+    path = prim.GetPath()
+    if authored.interpolation not in INTERPOLATIONS:
+        text = (
+            f"{name} has the interpolation {authored.interpolation!r}, which is none; it is ignored"
+        )
         log.warn(path, "primvar-interpolation", text)
         return None
-    try:
-        values = np.asarray(value, dtype=np.float32)
-    except (TypeError, ValueError):
-        log.warn(path, "primvar-type", f"{name} does not hold numbers; it is ignored")
+    type_name = authored.attribute.GetTypeName()
+    samples = []
+    for time in authored.times(shutter):
+        code = shutter.code(time)
+        value = authored.attribute.Get(code)
+        if value is None:
+            continue
+        values = _numbers(value, type_name)
+        if values is None:
+            text = f"{name} is of the type {type_name}, which holds no numbers; it is ignored"
+            log.warn(path, "primvar-type", text)
+            return None
+        indices = authored.indices.Get(code) if authored.indices else None
+        if indices is not None:
+            indices = np.ascontiguousarray(indices, dtype=np.int32)
+        samples.append(Sample(time, values, indices))
+    if not any(sample.values.size for sample in samples):
+        return None  # blocked, or authored but empty: as if not authored
+    return Primvar(
+        authored.interpolation,
+        samples,
+        authored.varies,
+        type_name.role == "Color",
+        authored.element_size,
+        authored.unauthored_index,
+    )
+
+
+def _numbers(value, type_name: Sdf.ValueTypeName) -> np.ndarray | None:
+    """(n, width) numbers of a value or an array of them; None for what is not numbers."""
+    if type_name.scalarType == Sdf.ValueTypeNames.TimeCode:
         return None
-    if values.size == 0:
-        return None  # authored, but empty: as if not authored
-    if values.ndim <= 1 and values.size % width == 0 and (width == 1 or values.size == width):
-        values = values.reshape(-1, width)
-    if values.ndim != 2 or values.shape[1] != width:
-        got = values.shape[1] if values.ndim == 2 else 1
-        text = f"{name} has {got} numbers a value, not {width}; it is ignored"
-        log.warn(path, "primvar-type", text)
+    if isinstance(value, Gf.Quatf | Gf.Quatd | Gf.Quath):
+        value = (*value.GetImaginary(), value.GetReal())  # as in arrays of them
+    array = np.asarray(value)
+    if array.dtype == np.bool_:
+        array = array.astype(np.uint8)
+    if array.dtype not in NUMBERS:
         return None
-    indices = None if indices is None else np.asarray(indices, dtype=np.int32)
-    return Primvar(interpolation, np.ascontiguousarray(values), indices, varies)
+    count = len(array) if type_name.isArray else 1
+    width = array.size // count if count else int(np.prod(array.shape[1:]))
+    return np.ascontiguousarray(array.reshape(count, width or 1))

@@ -12,6 +12,7 @@ from .errors import Interrupted, SceneError
 from .log import SceneLog
 from .options import BACKENDS, FILTERS, WINDOW_POLICIES, Options
 from .passes import PassCollections
+from .primvars import wanted_primvars
 from .scene import SceneSync
 from .session import Session
 from .transforms import TransformReader
@@ -97,6 +98,7 @@ class Renderer:
         # First of all, so that prims can be diced for them while others are read.
         self.session.set_camera(self._camera_ids[state.path], state)
         self._apply_settings()
+        self._scene.ask_for_primvars(wanted_primvars(options.aovs))
         self._scene.sync(stage, shutter, transforms)
         if not (self._scene.mesh_count or self._scene.has_hidden):
             self.log.warn("", "empty", "the stage has nothing to render for the purposes asked for")

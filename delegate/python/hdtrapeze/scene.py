@@ -19,7 +19,7 @@ from .log import SceneLog
 from .motion import Motion, MotionReader, Timing
 from .passes import PassCollections
 from .places import NONE, Natives, Place, PointInstancer, PointPart
-from .primvars import WIDTHS, read_primvars
+from .primvars import SHADED, read_primvars
 from .session import Session
 from .shapes import Shape, find_reader
 from .shutter import Shutter
@@ -76,6 +76,7 @@ class SceneSync:
         self._instancers: dict[str, _SentInstancer] = {}
         self._native_numbers: dict[str, dict[str, int]] = {}
         self._skinning = Skinning(log)
+        self._primvar_names = SHADED
         self._stage: Usd.Stage | None = None
         self._notice = None
         self._pick_ids: dict[str, int] = {}
@@ -88,6 +89,13 @@ class SceneSync:
     def mesh_count(self) -> int:
         """Meshes that the session has now."""
         return len(self._sent)
+
+    def ask_for_primvars(self, names: tuple[str, ...]) -> None:
+        """Which primvars the next sync sends."""
+        if names != self._primvar_names:
+            self._primvar_names = names
+            for sent in self._sent.values():
+                sent.primvars_vary = True
 
     def sync(self, stage: Usd.Stage, shutter: Shutter, transforms: TransformReader) -> None:
         """Brings the session to the state of `stage` at the frame of `shutter`."""
@@ -102,7 +110,7 @@ class SceneSync:
         self._motion = MotionReader(shutter, transforms, self._log)
         self._skinning.begin_frame(shutter, transforms)
         self._seen: set[str] = set()
-        self._inherited = Inherited(shutter)
+        self._inherited = Inherited(shutter, self._primvar_names)
         self.has_hidden = False
         self._ignored = {"lights": 0, "materials": 0}
         self._walk([(stage.GetPseudoRoot(), "default")], Place())
@@ -424,15 +432,15 @@ class SceneSync:
         self._seen.add(key)
         session, shutter = self._session, self._timing(prim).shutter
         if sent.primvars_vary:
-            primvars = read_primvars(UsdGeom.Gprim(prim), shutter, self._log)
+            names = self._primvar_names
+            primvars, varies = read_primvars(UsdGeom.Gprim(prim), shutter, names, self._log)
             skinned = self._skinning.of(prim)
             if skinned:
                 skinned.turn_normals(primvars, sent.shape)
-            for name in WIDTHS:
-                if name in primvars or name in sent.primvars:
-                    session.set_primvar(sent.prim, name, primvars.get(name))
+            for name in sorted(sent.primvars.union(primvars)):
+                session.set_primvar(sent.prim, name, primvars.get(name))
             sent.primvars = set(primvars)
-            sent.primvars_vary = any(primvar.varies for primvar in primvars.values())
+            sent.primvars_vary = varies or any(p.varies for p in primvars.values())
         if sent.levels is None or not _same_levels(sent.levels, levels):
             session.set_transform(sent.prim, levels)
             sent.levels = levels

@@ -22,7 +22,7 @@ from .motion import Motion
 from .nurbs import Basis
 from .nurbs_curves import NurbsBasis
 from .points import Points, Samples
-from .primvars import INTERPOLATIONS, Primvar
+from .primvars import INTERPOLATIONS, NUMBERS, Primvar
 from .products import RenderVar
 from .transforms import Level
 
@@ -33,6 +33,8 @@ LENS_NUMBERS = (*LENS_ATTRIBUTES, "exposure_scale")
 ARRAY_TYPES = {np.dtype(np.float32): "float[]", np.dtype(np.float64): "double[]"}
 ARRAY_TYPES |= {np.dtype(np.int32): "int32_t[]", np.dtype(np.uint32): "uint32_t[]"}
 ARRAY_TYPES[np.dtype(np.uint8)] = "uint8_t[]"
+
+_NO_INDICES = np.zeros(0, dtype=np.int32)
 
 
 class _Arrays:
@@ -57,6 +59,14 @@ class _Arrays:
         values = self.keep(ffi.new(f"{of} *[]", pointers))
         counts = self.keep(ffi.new("size_t[]", [len(array) for array in samples.arrays]))
         return times, len(samples.arrays), values, counts
+
+    def bytes(self, array: np.ndarray):
+        """A pointer to an array of any type; NULL where it is empty."""
+        array = np.ascontiguousarray(array)
+        if array.size == 0:
+            return ffi.NULL
+        self._keep.append(array)
+        return ffi.cast("void *", array.ctypes.data)
 
     def keep(self, value):
         """Keeps a cffi allocation alive."""
@@ -242,12 +252,25 @@ class Session:
             return
         arrays = _Arrays()
         value = native.new("trz_primvar")
+        samples = primvar.samples
         value.interpolation = self._value("INTERPOLATION", INTERPOLATIONS[primvar.interpolation])
-        value.values = arrays.pointer(primvar.values)
-        value.value_count, value.width = primvar.values.shape
-        if primvar.indices is not None:
-            value.indices = arrays.pointer(primvar.indices)
-            value.index_count = primvar.indices.size
+        value.type = self._value("NUMBERS", NUMBERS[samples[0].values.dtype])
+        value.role = self._value("ROLE", "COLOR" if primvar.is_color else "NONE")
+        value.width = samples[0].values.shape[1]
+        value.element_size = primvar.element_size
+        value.unauthored_index = primvar.unauthored_index
+        times = np.array([sample.time for sample in samples], dtype=np.float64)
+        value.times = arrays.pointer(times)
+        value.sample_count = len(samples)
+        pointers = [arrays.bytes(sample.values) for sample in samples]
+        value.values = arrays.keep(ffi.new("void *[]", pointers))
+        counts = [len(sample.values) for sample in samples]
+        value.value_counts = arrays.keep(ffi.new("size_t[]", counts))
+        indices = [_NO_INDICES if s.indices is None else s.indices for s in samples]
+        if any(array.size for array in indices):
+            pointers = [arrays.pointer(array) for array in indices]
+            value.indices = arrays.keep(ffi.new("int32_t *[]", pointers))
+            value.index_counts = arrays.keep(ffi.new("size_t[]", [len(a) for a in indices]))
         self._call("trz_prim_set_primvar", prim, _text(name), value)
 
     def set_instances(self, instancer: int, instances: Instances) -> None:

@@ -13,7 +13,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel, Vt
 from .guard import FAULTS, mistyped, warn_unreadable
 from .log import SceneLog
 from .points import Points
-from .primvars import Primvar
+from .primvars import Primvar, Sample
 from .shutter import Shutter
 from .skel_input import (
     BINDING,
@@ -307,7 +307,8 @@ class Skinned:
         normals = primvars.get("normals")
         if normals is None or not (skins or blends):
             return
-        values, indices = normals.values, normals.indices
+        sample = normals.at_frame()
+        values, indices = sample.values.astype(np.float32), sample.indices
         if indices is not None:
             if len(indices) == 0 or indices.min() < 0 or indices.max() >= len(values):
                 return  # the renderer warns
@@ -330,9 +331,8 @@ class Skinned:
         length = np.linalg.norm(turned, axis=1, keepdims=True)
         turned = turned / np.where(length > 0.0, length, 1.0)
         varies = normals.varies or self._pose.varies or (skins and self._between.varies)
-        primvars["normals"] = Primvar(
-            normals.interpolation, turned.astype(np.float32), None, bool(varies)
-        )
+        sample = Sample(0.0, turned.astype(np.float32), None)
+        primvars["normals"] = Primvar(normals.interpolation, [sample], bool(varies))
 
     def _skin_normals(self, normals: Vt.Vec3fArray, corners: np.ndarray | None) -> np.ndarray:
         influences = self._influences

@@ -200,6 +200,36 @@
 // One value a face-vertex.
 #define TRZ_INTERPOLATION_FACE_VARYING 4
 
+// 32-bit floats.
+#define TRZ_NUMBERS_FLOAT32 0
+
+// 64-bit floats.
+#define TRZ_NUMBERS_FLOAT64 1
+
+// 16-bit floats.
+#define TRZ_NUMBERS_FLOAT16 2
+
+// 32-bit signed integers.
+#define TRZ_NUMBERS_INT32 3
+
+// 32-bit unsigned integers.
+#define TRZ_NUMBERS_UINT32 4
+
+// 64-bit signed integers.
+#define TRZ_NUMBERS_INT64 5
+
+// 64-bit unsigned integers.
+#define TRZ_NUMBERS_UINT64 6
+
+// 8-bit unsigned integers and truth values.
+#define TRZ_NUMBERS_UINT8 7
+
+// No role, or one that does not matter here.
+#define TRZ_ROLE_NONE 0
+
+// A colour: as an AOV it has channels R, G, B and A.
+#define TRZ_ROLE_COLOR 1
+
 // Perspective camera.
 #define TRZ_PROJECTION_PERSPECTIVE 0
 
@@ -637,22 +667,37 @@ typedef struct trz_points {
   double time_codes_per_second;
 } trz_points;
 
-// A primvar, one sample.
+// A primvar of numbers. Floats are interpolated over the surface and between samples. Integers are
+// not: a place has the value of the nearest corner of its face, a time that of the sample before.
 typedef struct trz_primvar {
   // sizeof(trz_primvar).
   uint32_t struct_size;
   // TRZ_INTERPOLATION_*.
   uint32_t interpolation;
-  // Floats a value, 1 to 16.
+  // TRZ_NUMBERS_*. All are kept in 32 bits; integers beyond become the nearest, with a warning.
+  uint32_t type;
+  // TRZ_ROLE_*.
+  uint32_t role;
+  // Numbers of the type, 1 to 16: 3 of a colour, 16 of a matrix.
   uint32_t width;
-  // value_count * width floats.
-  const float *values;
-  // Number of values.
-  size_t value_count;
-  // Indices into the values.
-  const int32_t *indices;
-  // Number of indices; 0: not indexed.
-  size_t index_count;
+  // elementSize as authored, else 1: so many of the type are one value. Above 16 numbers a value,
+  // or below 1, the primvar is ignored with a warning.
+  int32_t element_size;
+  // unauthoredValuesIndex as authored, else -1: an index that may point at nothing.
+  int32_t unauthored_index;
+  // sample_count times, in time codes relative to the frame, in any order; both values and
+  // indices may differ between them.
+  const double *times;
+  // Number of samples, at least 1.
+  size_t sample_count;
+  // sample_count arrays of value_counts[i] * width numbers.
+  const void *const *values;
+  // Of the type, in each sample.
+  const size_t *value_counts;
+  // sample_count arrays of indices into the values, or NULL: not indexed.
+  const int32_t *const *indices;
+  // Indices of each sample; 0: it is not indexed. Ignored where indices is NULL.
+  const size_t *index_counts;
 } trz_primvar;
 
 // Arrays of matrices at several times. All zero: none.
@@ -1148,10 +1193,11 @@ trz_result trz_prim_set_points(struct trz_session *session,
                                trz_id prim,
                                const struct trz_points *points);
 
-// Queues a primvar under its USD name (displayColor, displayOpacity, normals...), in place of the
-// one before; NULL removes it. Everything is copied.
+// Queues a primvar under its USD name (displayColor, st...), without "primvars:", in place of the
+// one before; NULL removes it. Everything is copied. Only what shading or an AOV asks for takes
+// part in a render. UsdGeomPointBased's own normals have the name normals.
 //
-// Errors: TRZ_ERROR_NULL_POINTER (name), TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
 // TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_POISONED. Threads: any.
 trz_result trz_prim_set_primvar(struct trz_session *session,
                                 trz_id prim,

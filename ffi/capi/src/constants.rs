@@ -129,6 +129,28 @@ pub const TRZ_INTERPOLATION_VERTEX: u32 = 3;
 /// One value a face-vertex.
 pub const TRZ_INTERPOLATION_FACE_VARYING: u32 = 4;
 
+/// 32-bit floats.
+pub const TRZ_NUMBERS_FLOAT32: u32 = 0;
+/// 64-bit floats.
+pub const TRZ_NUMBERS_FLOAT64: u32 = 1;
+/// 16-bit floats.
+pub const TRZ_NUMBERS_FLOAT16: u32 = 2;
+/// 32-bit signed integers.
+pub const TRZ_NUMBERS_INT32: u32 = 3;
+/// 32-bit unsigned integers.
+pub const TRZ_NUMBERS_UINT32: u32 = 4;
+/// 64-bit signed integers.
+pub const TRZ_NUMBERS_INT64: u32 = 5;
+/// 64-bit unsigned integers.
+pub const TRZ_NUMBERS_UINT64: u32 = 6;
+/// 8-bit unsigned integers and truth values.
+pub const TRZ_NUMBERS_UINT8: u32 = 7;
+
+/// No role, or one that does not matter here.
+pub const TRZ_ROLE_NONE: u32 = 0;
+/// A colour: as an AOV it has channels R, G, B and A.
+pub const TRZ_ROLE_COLOR: u32 = 1;
+
 /// Perspective camera.
 pub const TRZ_PROJECTION_PERSPECTIVE: u32 = 0;
 /// Orthographic camera; apertures are the size of the view.

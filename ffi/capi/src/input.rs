@@ -234,11 +234,17 @@ mod tests {
         trz_primvar {
             struct_size: struct_size as u32,
             interpolation: TRZ_INTERPOLATION_VERTEX,
+            r#type: TRZ_NUMBERS_FLOAT32,
+            role: TRZ_ROLE_NONE,
             width: 3,
+            element_size: 1,
+            unauthored_index: -1,
+            times: ptr::null(),
+            sample_count: 0,
             values: ptr::null(),
-            value_count: 0,
+            value_counts: ptr::null(),
             indices: ptr::null(),
-            index_count: 0,
+            index_counts: ptr::null(),
         }
     }
 

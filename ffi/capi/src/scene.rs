@@ -350,10 +350,11 @@ pub unsafe extern "C" fn trz_prim_set_points(
     }
 }
 
-/// Queues a primvar under its USD name (displayColor, displayOpacity, normals...), in place of the
-/// one before; NULL removes it. Everything is copied.
+/// Queues a primvar under its USD name (displayColor, st...), without "primvars:", in place of the
+/// one before; NULL removes it. Everything is copied. Only what shading or an AOV asks for takes
+/// part in a render. UsdGeomPointBased's own normals have the name normals.
 ///
-/// Errors: TRZ_ERROR_NULL_POINTER (name), TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
+/// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
 /// TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_POISONED. Threads: any.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trz_prim_set_primvar(
@@ -364,16 +365,18 @@ pub unsafe extern "C" fn trz_prim_set_primvar(
 ) -> trz_result {
     // SAFETY: the caller passes null or valid pointers.
     unsafe {
-        edit(session, prim, || {
+        with_session(session, |session| {
+            session.find(PrimId(prim))?;
             let name = input::text(name, "name")?;
             if name.is_empty() {
                 return Err(Fault::invalid("a primvar needs a name"));
             }
-            let primvar = match primvar.is_null() {
-                true => None,
-                false => Some(convert::primvar(&input::read(primvar, "primvar")?)?),
-            };
-            Ok(Edit::Primvar(name.to_owned(), primvar))
+            if primvar.is_null() {
+                let removal = Edit::Primvar(name.to_owned(), None);
+                return Ok(session.edit(PrimId(prim), removal)?);
+            }
+            let primvar = convert::primvar(&input::read(primvar, "primvar")?)?;
+            Ok(session.set_primvar(PrimId(prim), name, &primvar)?)
         })
     }
 }

@@ -141,7 +141,8 @@ pub struct trz_points {
     pub time_codes_per_second: f64,
 }
 
-/// A primvar, one sample.
+/// A primvar of numbers. Floats are interpolated over the surface and between samples. Integers are
+/// not: a place has the value of the nearest corner of its face, a time that of the sample before.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct trz_primvar {
@@ -149,16 +150,30 @@ pub struct trz_primvar {
     pub struct_size: u32,
     /// TRZ_INTERPOLATION_*.
     pub interpolation: u32,
-    /// Floats a value, 1 to 16.
+    /// TRZ_NUMBERS_*. All are kept in 32 bits; integers beyond become the nearest, with a warning.
+    pub r#type: u32,
+    /// TRZ_ROLE_*.
+    pub role: u32,
+    /// Numbers of the type, 1 to 16: 3 of a colour, 16 of a matrix.
     pub width: u32,
-    /// value_count * width floats.
-    pub values: *const f32,
-    /// Number of values.
-    pub value_count: usize,
-    /// Indices into the values.
-    pub indices: *const i32,
-    /// Number of indices; 0: not indexed.
-    pub index_count: usize,
+    /// elementSize as authored, else 1: so many of the type are one value. Above 16 numbers a value,
+    /// or below 1, the primvar is ignored with a warning.
+    pub element_size: i32,
+    /// unauthoredValuesIndex as authored, else -1: an index that may point at nothing.
+    pub unauthored_index: i32,
+    /// sample_count times, in time codes relative to the frame, in any order; both values and
+    /// indices may differ between them.
+    pub times: *const f64,
+    /// Number of samples, at least 1.
+    pub sample_count: usize,
+    /// sample_count arrays of value_counts[i] * width numbers.
+    pub values: *const *const c_void,
+    /// Of the type, in each sample.
+    pub value_counts: *const usize,
+    /// sample_count arrays of indices into the values, or NULL: not indexed.
+    pub indices: *const *const i32,
+    /// Indices of each sample; 0: it is not indexed. Ignored where indices is NULL.
+    pub index_counts: *const usize,
 }
 
 /// Arrays of matrices at several times. All zero: none.

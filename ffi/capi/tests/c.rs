@@ -86,7 +86,8 @@ fn all_layouts() -> Layouts {
             time_codes_per_second,
         }
         trz_primvar {
-            struct_size, interpolation, width, values, value_count, indices, index_count,
+            struct_size, interpolation, r#type, role, width, element_size, unauthored_index, times,
+            sample_count, values, value_counts, indices, index_counts,
         }
         trz_matrix_samples { times, sample_count, values, counts }
         trz_instancer {
@@ -94,8 +95,12 @@ fn all_layouts() -> Layouts {
             mask_count, ids, id_count, positions, orientations, scales, matrices, velocities,
             accelerations, angular_velocities, time_codes_per_second,
         }
-        trz_implicit { struct_size, kind, axis, orientation, times, sizes, sample_count }
         trz_curves { struct_size, basis, wrap, form, vertex_counts, curve_count }
+        trz_implicit { struct_size, kind, axis, orientation, times, sizes, sample_count }
+        trz_nurbs_patch {
+            struct_size, orientation, u_order, v_order, u_vertex_count, v_vertex_count, u_knots,
+            u_knot_count, v_knots, v_knot_count, u_range, v_range, weights, weight_count,
+        }
         trz_grids {
             struct_size, times, key_count, rates, elements, grid_count, positions, position_count,
         }

@@ -12,7 +12,9 @@ use std::collections::HashMap;
 
 use cxx::UniquePtr;
 use glam::{Vec2, Vec3, Vec4, Vec4Swizzles};
-use hdtrapeze_core::surface::{LimitEvaluator, LimitSamples, LimitSurface, PatchDomain};
+use hdtrapeze_core::surface::{
+    LimitEvaluator, LimitSamples, LimitSurface, PatchDomain, nearest_corner,
+};
 
 use crate::bridge::ffi;
 use crate::domain::Parameterization;
@@ -271,6 +273,19 @@ impl<'a> OsdEvaluator<'a> {
                 let indices = surface.value_indices(number, face, self.size);
                 bound.bind_linear(face, &data.values, indices.iter().map(|&i| i as usize));
             }
+            // Nothing to bind: see `nearest`.
+            ChannelSource::Nearest(_) => {}
+        }
+    }
+
+    /// Values of the corners of the bound face that are nearest to `st`.
+    fn nearest(&self, channel: usize, number: usize, place: &Place<'_>, out: &mut [f32]) {
+        let data = &self.surface.channels[channel];
+        let indices = self.surface.value_indices(number, self.face, self.size);
+        for (&st, out) in place.st.iter().zip(out.chunks_exact_mut(data.width)) {
+            let corner = nearest_corner(self.size, place.domain, st);
+            let at = indices[corner] as usize * data.lanes * POINT;
+            out.copy_from_slice(&data.values[at..][..data.width]);
         }
     }
 }
@@ -367,8 +382,11 @@ impl LimitEvaluator for OsdEvaluator<'_> {
         if self.size == 0 {
             return;
         }
-        self.bind_channel(channel);
         let place = self.place(domain, st);
+        if let ChannelSource::Nearest(number) = self.surface.channels[channel].source {
+            return self.nearest(channel, number, &place, out);
+        }
+        self.bind_channel(channel);
         let sink = |i: usize, lane: usize, sample: LaneSample| {
             let start = lane * POINT;
             let part = (width - start).min(POINT);

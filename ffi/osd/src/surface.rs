@@ -30,6 +30,8 @@ pub(crate) enum ChannelSource {
     FaceVarying(i32),
     /// Linear over each face, from the values of the face-varying channel with this number.
     LinearFaceVarying(usize),
+    /// The value of the nearest corner, from those with this number.
+    Nearest(usize),
 }
 
 /// A channel as the evaluators read it.
@@ -79,7 +81,8 @@ pub struct OsdSurface {
     pub(crate) channels: Vec<ChannelData>,
     /// Start of each face in the face-vertices that the library knows.
     corner_starts: Vec<u32>,
-    /// Value indices of the face-varying channels over those face-vertices.
+    /// Value indices of the channels by face-vertex over those face-vertices, see
+    /// [`Prepared::channel_indices`].
     channel_indices: Vec<i32>,
     corner_count: usize,
     channel_infos: Vec<ChannelInfo>,
@@ -97,7 +100,7 @@ impl OsdSurface {
         self.linear_faces.binary_search(&face).is_ok()
     }
 
-    /// Value indices of the corners of a face in a face-varying channel.
+    /// Value indices of the corners of a face in a channel by face-vertex.
     pub(crate) fn value_indices(&self, channel: usize, face: u32, size: usize) -> &[i32] {
         let start = channel * self.corner_count + self.corner_starts[face as usize] as usize;
         &self.channel_indices[start..start + size]
@@ -204,6 +207,8 @@ impl OsdFactory {
         let is_bilinear = topology.scheme == Scheme::Bilinear;
         let is_linear = is_bilinear || topology.face_varying == FaceVaryingLinear::All;
         let mut face_varying = 0;
+        let is_face_varying = |channel: &&Channel| channel.kind == ChannelKind::FaceVarying;
+        let mut nearest = channels.iter().filter(is_face_varying).count();
         let channel_infos = channels
             .iter()
             .map(|c| ChannelInfo { width: c.width })
@@ -214,6 +219,10 @@ impl OsdFactory {
                 let source = match channel.kind {
                     ChannelKind::Vertex if !is_bilinear => ChannelSource::Vertex,
                     ChannelKind::Vertex | ChannelKind::Varying => ChannelSource::LinearVertex,
+                    ChannelKind::Nearest => {
+                        nearest += 1;
+                        ChannelSource::Nearest(nearest - 1)
+                    }
                     ChannelKind::FaceVarying => {
                         face_varying += 1;
                         match is_linear {

@@ -37,8 +37,8 @@ pub(crate) struct Prepared {
     corner_sharpness: Vec<f32>,
     holes: Vec<i32>,
     channel_value_counts: Vec<i32>,
-    /// Value indices of the face-varying channels, one after the other, each as long as the library's
-    /// vertex indices.
+    /// Value indices of the face-varying channels, then of those of nearest values, which the library
+    /// is not told of; one after the other, each as long as the library's vertex indices.
     pub(crate) channel_indices: Vec<i32>,
     /// Start of each authored face in the library's vertex indices.
     pub(crate) corner_starts: Vec<u32>,
@@ -148,7 +148,12 @@ impl Prepared {
         library_holes.sort_unstable();
 
         let mut channel_indices = Vec::with_capacity(face_varying.len() * kept.len());
-        for channel in &face_varying {
+        let nearest = |channel: &&Channel| channel.kind == ChannelKind::Nearest;
+        for channel in face_varying
+            .iter()
+            .copied()
+            .chain(channels.iter().filter(nearest))
+        {
             channel_indices.extend(kept.iter().map(|&i| channel.indices[i] as i32));
         }
         let mut prepared = Self {
@@ -322,7 +327,8 @@ impl Prepared {
             corner_sharpness: &self.corner_sharpness,
             holes: &self.holes,
             channel_value_counts: &self.channel_value_counts,
-            channel_indices: &self.channel_indices,
+            channel_indices: &self.channel_indices
+                [..self.channel_value_counts.len() * self.indices.len()],
         }
     }
 }
@@ -360,7 +366,7 @@ fn check_channels(topology: &MeshTopology, channels: &[Channel]) -> Result<(), S
         let count = channel.values.len() / channel.width;
         let fits = match channel.kind {
             ChannelKind::Vertex | ChannelKind::Varying => count >= topology.vertex_count,
-            ChannelKind::FaceVarying => {
+            ChannelKind::FaceVarying | ChannelKind::Nearest => {
                 count <= i32::MAX as usize
                     && channel.indices.len() == topology.face_vertex_indices.len()
                     && channel.indices.iter().all(|&j| (j as usize) < count)

@@ -1,16 +1,17 @@
 //! Curves.
 
+use super::primvars::Primvars;
 use super::{Shape, Target};
 use crate::curve::{CurveChannel, CurveDice, CurveSet, dice};
-use crate::diagnostics::{Code, Warning};
+use crate::diagnostics::Code;
 use crate::dice::DiceError;
 use crate::grid::DicedMesh;
 use crate::render::objects::{Context, PrimObjects};
 use crate::scene::{CurveForm, CurvesDesc, PrimDesc};
-use crate::shade::{DEFAULT_ALBEDO, PrimShading, Source};
 use crate::translate::curves::check;
 use crate::translate::points::PointKeys;
-use crate::translate::values::{Counts, Values, resolve_finite, resolve_widths};
+use crate::translate::primvar::{Count, Counts};
+use crate::translate::values::{self, resolve_finite, resolve_widths};
 
 struct Curves {
     set: CurveSet,
@@ -65,29 +66,17 @@ pub(super) fn warn_coarsened(path: &str, most: u64, out: &mut PrimObjects) {
     out.warn(path, Code::Budget, text);
 }
 
-/// A primvar to shade with, and its channel where it varies along curves.
-pub(super) fn source(
-    prim: &PrimDesc,
-    name: &str,
-    width: usize,
-    counts: &Counts,
-    channels: &mut Vec<CurveChannel>,
-    warnings: &mut Vec<Warning>,
-) -> Option<Source> {
-    let primvar = prim.common.primvars.get(name)?;
-    let path = &prim.common.path;
-    let values = resolve_finite(path, name, primvar, width, counts, warnings)?;
-    Some(match values {
-        Values::Constant(v) => Source::Constant(match v[..] {
-            [x] => [x; 3],
-            _ => [v[0], v[1], v[2]],
-        }),
-        Values::Uniform(values) => Source::Uniform { width, values },
-        Values::Varying(_) | Values::Vertex(_) => {
-            channels.push(CurveChannel { width, values });
-            Source::Channel(channels.len() - 1)
-        }
-    })
+/// How many values primvars of curves have.
+fn primvar_counts(counts: &values::Counts) -> Counts {
+    let varying = Count(counts.varying, "segment ends");
+    Counts {
+        prim: "curves",
+        uniform: Count(counts.uniform, "curves"),
+        varying,
+        vertex: Count(counts.vertex, "points"),
+        face_varying: varying,
+        more_is_fine: false,
+    }
 }
 
 /// Checks curves and their primvars.
@@ -111,16 +100,15 @@ pub(super) fn make(
     let normals = primvars
         .get("normals")
         .and_then(|p| resolve_finite(path, "normals", p, 3, &counts, &mut out.warnings));
-    let mut channels = Vec::new();
-    let mut source = |name: &str, width: usize| {
-        source(prim, name, width, &counts, &mut channels, &mut out.warnings)
-    };
-    let color = source("displayColor", 3);
-    let opacity = source("displayOpacity", 1);
-    out.shading = PrimShading {
-        color: color.unwrap_or(Source::Constant(DEFAULT_ALBEDO)),
-        opacity: opacity.filter(|o| *o != Source::Constant([1.0; 3])),
-    };
+    let primvar_counts = primvar_counts(&counts);
+    let mut along = Primvars::new(
+        &prim.common,
+        primvar_counts,
+        context.shutter,
+        &CurveChannel::spread,
+    );
+    along.shading(out);
+    let channels = along.finish(context, out);
     let set = CurveSet {
         curves,
         widths,

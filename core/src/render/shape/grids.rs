@@ -1,10 +1,10 @@
 //! Grids that the host has diced.
 
+use super::primvars::Primvars;
 use super::{Shape, Target};
 use crate::grid::DicedMesh;
 use crate::render::objects::{Context, PrimObjects};
 use crate::scene::{GridsDesc, PrimDesc};
-use crate::shade::{DEFAULT_ALBEDO, PrimShading, Source};
 use crate::translate::grids::{self, CheckedGrids};
 use crate::translate::points::PointKeys;
 
@@ -17,16 +17,14 @@ pub(super) fn make(
 ) -> Option<Box<dyn Shape>> {
     let path = &prim.common.path;
     let desc = grids::check(path, desc, context.shutter, &mut out.warnings)?;
-    let mut source = |name: &str, width: usize| {
-        let primvar = prim.common.primvars.get(name)?;
-        grids::resolve_primvar(path, name, primvar, width, &desc, &mut out.warnings)
-    };
-    let color = source("displayColor", 3);
-    let opacity = source("displayOpacity", 1);
-    out.shading = PrimShading {
-        color: color.unwrap_or(Source::Constant(DEFAULT_ALBEDO)),
-        opacity: opacity.filter(|o| *o != Source::Constant([1.0; 3])),
-    };
+    let mut primvars = Primvars::new(
+        &prim.common,
+        desc.primvar_counts(),
+        context.shutter,
+        &CheckedGrids::spread,
+    );
+    primvars.shading(out);
+    let _no_channels: Vec<()> = primvars.finish(context, out);
     Some(Box::new(Grids(desc)))
 }
 

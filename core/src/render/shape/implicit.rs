@@ -1,16 +1,15 @@
 //! Implicit prims.
 
+use super::primvars::Primvars;
 use super::surface::dice_surface;
 use super::{Shape, Target};
 use crate::grid::DicedMesh;
 use crate::render::objects::{Context, PrimObjects};
 use crate::scene::{ImplicitDesc, PrimDesc};
-use crate::shade::{DEFAULT_ALBEDO, PrimShading, Source};
 use crate::surface::Orientation;
 use crate::translate::implicit::{self, CheckedImplicit};
 use crate::translate::points::PointKeys;
-use crate::translate::primvar::Resolved;
-use crate::translate::values::{self, Counts};
+use crate::translate::primvar::{Counts, Resolved};
 
 struct Implicit {
     checked: CheckedImplicit,
@@ -42,13 +41,6 @@ impl Shape for Implicit {
     }
 }
 
-/// An implicit prim has no parts of its own.
-const ONE_VALUE: Counts = Counts {
-    uniform: 1,
-    varying: 1,
-    vertex: 1,
-};
-
 /// Checks the sizes, and primvars of one value.
 pub(super) fn make(
     prim: &PrimDesc,
@@ -58,19 +50,15 @@ pub(super) fn make(
 ) -> Option<Box<dyn Shape>> {
     let path = &prim.common.path;
     let checked = implicit::check(path, desc, context.shutter, &mut out.warnings)?;
-    let mut source = |name: &str, width: usize| {
-        let primvar = prim.common.primvars.get(name)?;
-        let warnings = &mut out.warnings;
-        let values = values::resolve_finite(path, name, primvar, width, &ONE_VALUE, warnings)?;
-        let value = Resolved::Constant(values.floats().to_vec());
-        Some(Source::from_resolved(value, width, &mut Vec::new()))
-    };
-    let color = source("displayColor", 3);
-    let opacity = source("displayOpacity", 1);
-    out.shading = PrimShading {
-        color: color.unwrap_or(Source::Constant(DEFAULT_ALBEDO)),
-        opacity: opacity.filter(|o| *o != Source::Constant([1.0; 3])),
-    };
+    let counts = Counts::one_value("implicit prim");
+    let mut primvars = Primvars::new(
+        &prim.common,
+        counts,
+        context.shutter,
+        &Resolved::into_constant,
+    );
+    primvars.shading(out);
+    let _no_channels: Vec<()> = primvars.finish(context, out);
     Some(Box::new(Implicit {
         checked,
         orientation: desc.orientation,

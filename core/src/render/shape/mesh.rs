@@ -2,6 +2,7 @@
 
 use glam::Vec3;
 
+use super::primvars::Primvars;
 use super::surface::dice_surface;
 use super::{Shape, Target};
 use crate::diagnostics::{Code, Warning};
@@ -9,12 +10,11 @@ use crate::grid::{DicedMesh, octahedral};
 use crate::motion::PointPath;
 use crate::render::objects::{Context, PrimObjects};
 use crate::scene::{MeshDesc, PrimDesc};
-use crate::shade::{DEFAULT_ALBEDO, PrimShading, Source};
+use crate::shade::{ChannelAccess, Source};
 use crate::surface::polygon::PolygonSurface;
 use crate::surface::{Channel, LimitSurface, Orientation, Scheme, SubdivisionFactory};
 use crate::translate::mesh::{CheckedMesh, check};
 use crate::translate::points::PointKeys;
-use crate::translate::primvar;
 
 struct Mesh {
     surface: Box<dyn LimitSurface>,
@@ -43,7 +43,8 @@ impl Shape for Mesh {
             grid.element = self.mesh.elements[grid.element as usize];
         }
         if let Some(normals) = &self.normals {
-            author_normals(&mut diced, normals, target.path);
+            let frame = context.shutter.normalize(0.0).clamp(0.0, 1.0) as f32;
+            author_normals(&mut diced, normals, self, frame, target.path);
         }
         Some(diced)
     }
@@ -64,25 +65,16 @@ pub(super) fn make(
         context.bends,
         &mut out.warnings,
     )?;
-    let mut channels = Vec::new();
-    let mut source = |name: &str, width: usize, warnings: &mut Vec<Warning>| {
-        let primvar = prim.common.primvars.get(name)?;
-        let resolved = primvar::resolve(path, name, primvar, width, &mesh, warnings)?;
-        Some(Source::from_resolved(resolved, width, &mut channels))
-    };
-    let color = source("displayColor", 3, &mut out.warnings);
-    let opacity = source("displayOpacity", 1, &mut out.warnings);
+    let spread = |resolved| mesh.spread(resolved);
+    let counts = mesh.primvar_counts();
+    let mut primvars = Primvars::new(&prim.common, counts, context.shutter, &spread);
+    primvars.shading(out);
     // USD: authored normals are for polygons; a subdivision surface has its own.
-    let polygonal = mesh.topology.scheme == Scheme::None;
-    let normals = if polygonal {
-        source("normals", 3, &mut out.warnings)
-    } else {
-        None
+    let normals = match mesh.topology.scheme {
+        Scheme::None => primvars.floats("normals", 3, &mut out.warnings),
+        _ => None,
     };
-    out.shading = PrimShading {
-        color: color.unwrap_or(Source::Constant(DEFAULT_ALBEDO)),
-        opacity: opacity.filter(|o| *o != Source::Constant([1.0; 3])),
-    };
+    let channels = primvars.finish(context, out);
     let surface = make_surface(path, &mesh, channels, context.factory, &mut out.warnings)?;
     Some(Box::new(Mesh {
         surface,
@@ -127,31 +119,53 @@ fn make_surface(
 }
 
 /// Puts authored object-space normals in the place of the surface's own, carried along the path.
-fn author_normals(mesh: &mut DicedMesh, source: &Source, path: &PointPath) {
+/// They are those of the points' keys; where the points stand still, of the time `still`.
+fn author_normals(
+    mesh: &mut DicedMesh,
+    source: &Source,
+    shape: &Mesh,
+    still: f32,
+    path: &PointPath,
+) {
     let keys = if path.turns_normals() {
         path.key_times().len()
     } else {
         1
+    };
+    let times = match shape.mesh.points.times.as_slice() {
+        [_] => &[still],
+        times => times,
     };
     let mut normals = Vec::with_capacity(mesh.vertex_count * keys);
     let (mut authored, mut placed) = (Vec::new(), Vec::new());
     for grid in &mesh.grids {
         let first = grid.first_vertex as usize;
         let n = grid.vertex_count();
-        let value = |v: usize| {
-            let [x, y, z] = source.value(grid.element, |channel| {
-                let values = &mesh.channels[channel].values;
-                [values[3 * v], values[3 * v + 1], values[3 * v + 2]]
-            });
-            Vec3::new(x, y, z).normalize_or_zero()
-        };
         authored.clear();
-        for _ in 0..path.point_key_count() {
-            authored.extend((first..first + n).map(value));
+        for &time in times {
+            authored.extend((first..first + n).map(|v| {
+                let mut value = [0.0; 3];
+                source.read(grid.element, time, &AtVertex(mesh, v), &mut value);
+                Vec3::from_array(value).normalize_or_zero()
+            }));
         }
         path.map_normals(&authored, n, &mut placed);
         normals.extend(placed[..n * keys].iter().map(|&v| octahedral::encode(v)));
     }
     mesh.normal_key_count = keys;
     mesh.normals = normals;
+}
+
+/// Channels at a vertex.
+struct AtVertex<'a>(&'a DicedMesh, usize);
+
+impl ChannelAccess for AtVertex<'_> {
+    fn smooth(&self, channel: usize, first: usize, out: &mut [f32]) {
+        let Self(mesh, vertex) = self;
+        let channel = &mesh.channels[channel];
+        out.copy_from_slice(&channel.values[vertex * channel.width + first..][..out.len()]);
+    }
+    fn nearest(&self, channel: usize, first: usize, out: &mut [f32]) {
+        self.smooth(channel, first, out);
+    }
 }

@@ -8,6 +8,7 @@ mod grids;
 mod implicit;
 mod mesh;
 mod nurbs;
+mod primvars;
 mod spheres;
 mod surface;
 

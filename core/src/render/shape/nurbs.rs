@@ -1,18 +1,19 @@
 //! NURBS patches, and NURBS curves by way of Bezier curves.
 
+use super::primvars::Primvars;
 use super::surface::dice_surface;
 use super::{Shape, Target, curves};
 use crate::grid::DicedMesh;
 use crate::render::objects::{Context, PrimObjects};
-use crate::scene::{Geometry, NurbsCurvesDesc, NurbsPatchDesc, PrimCommon, PrimDesc};
-use crate::shade::{DEFAULT_ALBEDO, PrimShading, Source};
-use crate::surface::nurbs::NurbsSurface;
-use crate::surface::{ChannelKind, Orientation};
+use crate::scene::{
+    Geometry, Interpolation, NurbsCurvesDesc, NurbsPatchDesc, PrimCommon, PrimDesc,
+};
+use crate::surface::nurbs::{NurbsChannel, NurbsSurface};
+use crate::surface::{Channel, ChannelKind, Orientation};
 use crate::translate::nurbs::check;
 use crate::translate::nurbs_curves::convert;
 use crate::translate::points::PointKeys;
-use crate::translate::primvar::{ChannelData, Resolved};
-use crate::translate::values::{self, Values};
+use crate::translate::primvar::{Resolved, Spread};
 
 struct Patch {
     surface: NurbsSurface,
@@ -40,6 +41,24 @@ impl Shape for Patch {
     }
 }
 
+/// Spreads a primvar over a patch.
+fn spread(resolved: Resolved) -> Spread<NurbsChannel> {
+    let kind = match resolved.interpolation {
+        Interpolation::Constant | Interpolation::Uniform => return resolved.into_constant(),
+        Interpolation::Varying | Interpolation::FaceVarying => ChannelKind::Varying,
+        Interpolation::Vertex => ChannelKind::Vertex,
+    };
+    Spread::Channel(NurbsChannel {
+        nearest: resolved.is_integer,
+        channel: Channel {
+            kind,
+            width: resolved.stride(),
+            values: resolved.into_items(),
+            indices: Vec::new(),
+        },
+    })
+}
+
 /// Checks a patch and makes its surface and shading.
 pub(super) fn make(
     prim: &PrimDesc,
@@ -50,32 +69,9 @@ pub(super) fn make(
     let path = &prim.common.path;
     let (shutter, bends) = (context.shutter, context.bends);
     let checked = check(path, desc, shutter, bends, &mut out.warnings)?;
-    let mut channels = Vec::new();
-    let mut source = |name: &str, width: usize| {
-        let primvar = prim.common.primvars.get(name)?;
-        let (counts, warnings) = (&checked.counts, &mut out.warnings);
-        let values = values::resolve_finite(path, name, primvar, width, counts, warnings)?;
-        let channel = |kind, values| {
-            Resolved::Channel(ChannelData {
-                kind,
-                width,
-                values,
-                indices: Vec::new(),
-            })
-        };
-        let resolved = match values {
-            Values::Constant(value) | Values::Uniform(value) => Resolved::Constant(value),
-            Values::Varying(values) => channel(ChannelKind::Varying, values),
-            Values::Vertex(values) => channel(ChannelKind::Vertex, values),
-        };
-        Some(Source::from_resolved(resolved, width, &mut channels))
-    };
-    let color = source("displayColor", 3);
-    let opacity = source("displayOpacity", 1);
-    out.shading = PrimShading {
-        color: color.unwrap_or(Source::Constant(DEFAULT_ALBEDO)),
-        opacity: opacity.filter(|o| *o != Source::Constant([1.0; 3])),
-    };
+    let mut primvars = Primvars::new(&prim.common, checked.counts, shutter, &spread);
+    primvars.shading(out);
+    let channels = primvars.finish(context, out);
     Some(Box::new(Patch {
         surface: NurbsSurface::new(checked.patch, channels),
         points: checked.points,

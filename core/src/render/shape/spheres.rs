@@ -1,17 +1,18 @@
 //! Spheres.
 
 use super::curves::warn_coarsened;
+use super::primvars::Primvars;
 use super::{Shape, Target};
-use crate::diagnostics::{Code, Warning};
+use crate::diagnostics::Code;
 use crate::dice::DiceError;
 use crate::grid::DicedMesh;
 use crate::render::objects::{Context, PrimObjects};
-use crate::scene::{PrimDesc, SpheresDesc};
-use crate::shade::{DEFAULT_ALBEDO, PrimShading, Source};
+use crate::scene::{Interpolation, PrimDesc, SpheresDesc};
 use crate::sphere::{SphereDice, SphereSet, dice};
 use crate::translate::points::PointKeys;
+use crate::translate::primvar::{Count, Counts, Resolved, Spread};
 use crate::translate::spheres::check;
-use crate::translate::values::{Counts, Values, resolve_finite, resolve_widths};
+use crate::translate::values::resolve_widths;
 
 struct Spheres(SphereSet);
 
@@ -53,24 +54,11 @@ impl Shape for Spheres {
     }
 }
 
-/// A primvar to shade with: one value a sphere, or one for all.
-fn source(
-    prim: &PrimDesc,
-    name: &str,
-    width: usize,
-    counts: &Counts,
-    warnings: &mut Vec<Warning>,
-) -> Option<Source> {
-    let primvar = prim.common.primvars.get(name)?;
-    let path = &prim.common.path;
-    match resolve_finite(path, name, primvar, width, counts, warnings)? {
-        Values::Constant(v) => Some(Source::Constant(match v[..] {
-            [x] => [x; 3],
-            _ => [v[0], v[1], v[2]],
-        })),
-        Values::Uniform(values) | Values::Varying(values) | Values::Vertex(values) => {
-            Some(Source::Uniform { width, values })
-        }
+/// One value a sphere, or one for all.
+fn spread<C>(resolved: Resolved) -> Spread<C> {
+    match resolved.interpolation {
+        Interpolation::Constant => resolved.into_constant(),
+        _ => Spread::Uniform(resolved.into_items()),
     }
 }
 
@@ -92,14 +80,18 @@ pub(super) fn make(
     let counts = spheres.counts;
     let widths = prim.common.primvars.get("widths");
     let widths = resolve_widths(path, widths, &counts, &mut out.warnings);
-    let mut source =
-        |name: &str, width: usize| source(prim, name, width, &counts, &mut out.warnings);
-    let color = source("displayColor", 3);
-    let opacity = source("displayOpacity", 1);
-    out.shading = PrimShading {
-        color: color.unwrap_or(Source::Constant(DEFAULT_ALBEDO)),
-        opacity: opacity.filter(|o| *o != Source::Constant([1.0; 3])),
+    let points = Count(counts.vertex, "points");
+    let primvar_counts = Counts {
+        prim: "points",
+        uniform: points,
+        varying: points,
+        vertex: points,
+        face_varying: points,
+        more_is_fine: false,
     };
+    let mut primvars = Primvars::new(&prim.common, primvar_counts, context.shutter, &spread);
+    primvars.shading(out);
+    let _no_channels: Vec<()> = primvars.finish(context, out);
     Some(Box::new(Spheres(SphereSet {
         points: spheres.points,
         elements: spheres.elements,

@@ -40,19 +40,39 @@ pub struct NurbsPatch {
     pub orientation: Orientation,
 }
 
+/// A primvar over a patch.
+#[derive(Clone, Debug)]
+pub struct NurbsChannel {
+    /// Vertex (one value a point) or varying (one an end of a segment, `segment_count + 1` along u and
+    /// v); lengths were checked by the caller.
+    pub channel: Channel,
+    /// A place has the value that weighs most there, bit for bit.
+    pub nearest: bool,
+}
+
+impl From<Channel> for NurbsChannel {
+    fn from(channel: Channel) -> Self {
+        Self {
+            channel,
+            nearest: false,
+        }
+    }
+}
+
 /// A NURBS patch as a limit surface.
 pub struct NurbsSurface {
     patch: NurbsPatch,
     layout: Layout,
-    channels: Vec<Channel>,
+    channels: Vec<NurbsChannel>,
     infos: Vec<ChannelInfo>,
 }
 
 impl NurbsSurface {
-    /// A surface with vertex channels (one value a point) and varying ones (one an end of a segment,
-    /// `segment_count + 1` along u and v); values of lengths that the caller has checked.
-    pub fn new(patch: NurbsPatch, channels: Vec<Channel>) -> Self {
-        let infos = channels.iter().map(|c| ChannelInfo { width: c.width });
+    /// A surface with channels.
+    pub fn new(patch: NurbsPatch, channels: Vec<NurbsChannel>) -> Self {
+        let infos = channels.iter().map(|c| ChannelInfo {
+            width: c.channel.width,
+        });
         Self {
             layout: Layout::new(&patch),
             infos: infos.collect(),
@@ -280,12 +300,13 @@ impl LimitEvaluator for Evaluator<'_> {
         debug_assert_eq!(domain, PatchDomain::Whole);
         out.clear();
         let patch = &self.surface.patch;
+        let NurbsChannel { channel, nearest } = &self.surface.channels[channel];
         let Channel {
             kind,
             width,
             values,
             ..
-        } = &self.surface.channels[channel];
+        } = channel;
         let mut sums = vec![0.0f64; *width];
         for st in st {
             let [s, t] = [st.x, st.y].map(|x| f64::from(x).clamp(0.0, 1.0));
@@ -309,19 +330,27 @@ impl LimitEvaluator for Evaluator<'_> {
             let rational = *kind != ChannelKind::Varying;
             sums.fill(0.0);
             let mut total = 0.0;
+            let mut heaviest = (f64::NEG_INFINITY, 0);
             for (j, v) in self.basis.values[1][..sides[1]].iter().enumerate() {
                 for (i, u) in self.basis.values[0][..sides[0]].iter().enumerate() {
                     let at = (first[1] + j) * row + first[0] + i;
                     let weight = patch.weights.get(at).filter(|_| rational).unwrap_or(&1.0);
                     let share = u * v * weight;
                     total += share;
+                    if share > heaviest.0 {
+                        heaviest = (share, at);
+                    }
                     let value = &values[at * width..][..*width];
                     for (sum, x) in sums.iter_mut().zip(value) {
                         *sum += share * f64::from(*x);
                     }
                 }
             }
-            out.extend(sums.iter().map(|sum| (sum / total) as f32));
+            if *nearest {
+                out.extend_from_slice(&values[heaviest.1 * width..][..*width]);
+            } else {
+                out.extend(sums.iter().map(|sum| (sum / total) as f32));
+            }
         }
     }
 }

@@ -335,7 +335,7 @@ fn channels_follow_points_or_segments() {
         indices: Vec::new(),
     };
     let spans = patch.knots.clone().map(|k| k.spans().to_vec());
-    let surface = NurbsSurface::new(patch, vec![vertex, varying]);
+    let surface = NurbsSurface::new(patch, vec![vertex.into(), varying.into()]);
     let mut evaluator = surface.evaluator();
     let st = lattice(3);
     let (mut positions, mut values) = (LimitSamples::default(), Vec::new());

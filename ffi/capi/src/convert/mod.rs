@@ -4,6 +4,7 @@
 mod camera;
 mod instancer;
 mod output;
+mod primvar;
 mod scene;
 mod settings;
 
@@ -12,6 +13,7 @@ use crate::fault::Fault;
 pub(crate) use camera::*;
 pub(crate) use instancer::*;
 pub(crate) use output::*;
+pub(crate) use primvar::*;
 pub(crate) use scene::*;
 pub(crate) use settings::*;
 

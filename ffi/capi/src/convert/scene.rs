@@ -5,8 +5,7 @@ use std::sync::Arc;
 use glam::{DMat4, Vec3};
 use hdtrapeze_core::scene::{
     Axis, CurveBasis, CurveForm, CurveWrap, CurvesDesc, GridsDesc, ImplicitDesc, ImplicitKind,
-    Interpolation, NurbsCurvesDesc, NurbsPatchDesc, PointsSamples, PrimvarDesc, Rates, Samples,
-    TransformSamples,
+    NurbsCurvesDesc, NurbsPatchDesc, PointsSamples, Rates, Samples, TransformSamples,
 };
 use hdtrapeze_core::surface::{
     BoundaryInterpolation, FaceVaryingLinear, Orientation, Scheme, TriangleRule,
@@ -18,8 +17,6 @@ use crate::fault::Fault;
 use crate::input::{copied, slice, times};
 use crate::types::*;
 
-/// Most floats of a primvar's value: a matrix.
-const WIDEST_PRIMVAR: u32 = 16;
 /// Largest rate of a grid.
 const LARGEST_RATE: u16 = 16;
 
@@ -303,31 +300,4 @@ pub(crate) unsafe fn transform(
         }
     };
     levels.iter().enumerate().map(convert).collect()
-}
-
-pub(crate) unsafe fn primvar(from: &trz_primvar) -> Result<PrimvarDesc, Fault> {
-    let kinds = [
-        Interpolation::Constant,
-        Interpolation::Uniform,
-        Interpolation::Varying,
-        Interpolation::Vertex,
-        Interpolation::FaceVarying,
-    ];
-    let interpolation = pick(&kinds, from.interpolation, "interpolation")?;
-    if !(1..=WIDEST_PRIMVAR).contains(&from.width) {
-        return refuse("width", from.width, "is not 1 to 16");
-    }
-    let width = from.width as usize;
-    let floats = times(from.value_count, width, "values")?;
-    // SAFETY: as the caller promises.
-    unsafe {
-        let values = slice(from.values, floats, "values")?;
-        let indices = slice(from.indices, from.index_count, "indices")?;
-        Ok(PrimvarDesc {
-            interpolation,
-            width,
-            values: Arc::new(copied(values, |&v| v)?),
-            indices: Arc::new(copied(indices, |&i| i)?),
-        })
-    }
 }

@@ -199,21 +199,30 @@ fn counts_that_cannot_be() {
         };
         let message = fails(trz_prim_set_points(s, mesh, &points), bad);
         assert!(message.contains("velocities[0]"), "{message}");
-        let mut primvar = trz_primvar {
-            struct_size: size_of::<trz_primvar>() as u32,
-            interpolation: TRZ_INTERPOLATION_CONSTANT,
-            width: 16,
-            values: [0.0f32; 3].as_ptr(),
-            value_count: huge / 8,
-            indices: null(),
-            index_count: 0,
-        };
-        let name = c"a".as_ptr();
-        fails(trz_prim_set_primvar(s, mesh, name, &primvar), bad);
-        primvar.value_count = 0;
-        for width in [0, 17, u32::MAX] {
-            primvar.width = width;
-            fails(trz_prim_set_primvar(s, mesh, name, &primvar), bad);
+        let (name, floats) = (c"a".as_ptr(), [0.0f32; 3].as_ptr().cast());
+        let count = huge / 8;
+        let (mut many, indices) = (primvar(), [0i32].as_ptr());
+        (many.width, many.values, many.value_counts) = (16, &floats, &count);
+        fails(trz_prim_set_primvar(s, mesh, name, &many), bad);
+        (many.width, many.value_counts) = (3, &1);
+        ok(trz_prim_set_primvar(s, mesh, name, &many));
+        (many.indices, many.index_counts) = (&indices, &huge);
+        fails(trz_prim_set_primvar(s, mesh, name, &many), bad);
+        many = primvar();
+        many.sample_count = huge;
+        fails(trz_prim_set_primvar(s, mesh, name, &many), bad);
+        let changes: [fn(&mut trz_primvar); 6] = [
+            |p| p.width = 0,
+            |p| p.width = 17,
+            |p| p.interpolation = 5,
+            |p| p.r#type = 8,
+            |p| p.role = 2,
+            |p| p.sample_count = 0,
+        ];
+        for change in changes {
+            let mut changed = primvar();
+            change(&mut changed);
+            fails(trz_prim_set_primvar(s, mesh, name, &changed), bad);
         }
         let mut instances = trz_instancer {
             matrices: trz_matrix_samples {

@@ -168,14 +168,25 @@ fn null_arguments() {
         times: null(),
         ..sphere()
     };
-    let primvar = trz_primvar {
-        struct_size: size(size_of::<trz_primvar>()),
-        interpolation: TRZ_INTERPOLATION_CONSTANT,
-        width: 3,
+    let no_values = trz_primvar {
+        value_counts: &1,
+        ..primvar()
+    };
+    let no_value_arrays = trz_primvar {
         values: null(),
-        value_count: 1,
-        indices: null(),
-        index_count: 0,
+        ..primvar()
+    };
+    let no_counts_of_values = trz_primvar {
+        value_counts: null(),
+        ..primvar()
+    };
+    let no_sample_times = trz_primvar {
+        times: null(),
+        ..primvar()
+    };
+    let no_index_counts = trz_primvar {
+        indices: &null(),
+        ..primvar()
     };
     let instances = trz_instancer {
         prototype_index_count: 1,
@@ -305,7 +316,11 @@ fn null_arguments() {
         trz_prim_set_transform(s, mesh, null(), 1);
         trz_prim_set_transform(s, mesh, &level, 1);
         trz_prim_set_primvar(s, mesh, null(), null());
-        trz_prim_set_primvar(s, mesh, name, &primvar);
+        trz_prim_set_primvar(s, mesh, name, &no_values);
+        trz_prim_set_primvar(s, mesh, name, &no_value_arrays);
+        trz_prim_set_primvar(s, mesh, name, &no_counts_of_values);
+        trz_prim_set_primvar(s, mesh, name, &no_sample_times);
+        trz_prim_set_primvar(s, mesh, name, &no_index_counts);
         trz_instancer_create(s, null(), &mut 0);
         trz_instancer_create(s, name, null_mut());
         trz_instancer_set(s, instancer, null());

@@ -118,14 +118,13 @@ fn nurbs_curves_go_where_their_points_do() {
         counts: &2,
         ..no_points()
     };
+    let half_wide = [0.5f32];
+    let thin = half_wide.as_ptr().cast();
     let width = trz_primvar {
-        struct_size: size_of::<trz_primvar>() as u32,
-        interpolation: TRZ_INTERPOLATION_CONSTANT,
         width: 1,
-        values: &0.5,
-        value_count: 1,
-        indices: std::ptr::null(),
-        index_count: 0,
+        values: &thin,
+        value_counts: &1,
+        ..primvar()
     };
     let half = trz_nurbs_curves {
         ranges: [0.0, 0.5].as_ptr(),

@@ -403,3 +403,22 @@ pub fn fails(result: trz_result, code: trz_result) -> String {
     assert!(!message.is_empty(), "no message");
     message
 }
+
+/// A primvar with one sample of a constant value of three floats, no number of which exists.
+pub fn primvar() -> trz_primvar {
+    trz_primvar {
+        struct_size: size_of::<trz_primvar>() as u32,
+        interpolation: TRZ_INTERPOLATION_CONSTANT,
+        r#type: TRZ_NUMBERS_FLOAT32,
+        role: TRZ_ROLE_NONE,
+        width: 3,
+        element_size: 1,
+        unauthored_index: -1,
+        times: &0.0,
+        sample_count: 1,
+        values: &null(),
+        value_counts: &0,
+        indices: null(),
+        index_counts: null(),
+    }
+}
