@@ -35,6 +35,11 @@ class Instances:
     time_codes_per_second: float = 0.0
     varies: bool = False
 
+    def points_nowhere(self) -> bool:
+        """Whether no instance has a prototype that there is."""
+        indices = self.prototypes
+        return bool(self.count) and not ((indices >= 0) & (indices < self.prototype_count)).any()
+
     def used_prototypes(self) -> np.ndarray:
         """Numbers of the prototypes that have instances which are there, ascending."""
         indices = self.prototypes
@@ -59,7 +64,7 @@ def read_point_instancer(
         "angular_velocities": instancer.GetAngularVelocitiesAttr(),
     }
     orientations = instancer.GetOrientationsfAttr()
-    if not orientations.HasAuthoredValue():
+    if not _has_values(orientations):
         orientations = instancer.GetOrientationsAttr()
     moved = {
         "positions": (instancer.GetPositionsAttr(), 3),
@@ -74,12 +79,18 @@ def read_point_instancer(
         time_codes_per_second=instancer.GetPrim().GetStage().GetTimeCodesPerSecond(),
     )
     value = indices.Get(shutter.time)
+    needed = {
+        "prototypes": prototype_count,
+        "protoIndices": indices.HasAuthoredValue(),
+        "positions": instancer.GetPositionsAttr().Get(shutter.time) is not None,
+    }
+    missing = [name for name, there in needed.items() if not there]
+    if missing and (value is None or len(value)):
+        log.warn(path, "topology", f"it has no {' and no '.join(missing)}; it is not rendered")
+        return instances
     if value is None or not len(value):
         return instances
     instances.prototypes = _integers(value, np.int32)
-    if instancer.GetPositionsAttr().Get(shutter.time) is None:
-        log.warn(path, "topology", "it has no positions; it is not rendered")
-        return instances
     instances.count = len(instances.prototypes)
     instances.mask = _mask(instancer, instances.count, shutter)
     has_rates = _read_rates(instances, rates, shutter, path, log)
@@ -160,6 +171,12 @@ def _changes_ids(instancer: UsdGeom.PointInstancer, shutter: Shutter) -> bool:
         return False
     frame = ids.Get(shutter.time)
     return any(ids.Get(Usd.TimeCode(time)) != frame for time in times)
+
+
+def _has_values(attribute: Usd.Attribute) -> bool:
+    """Whether it has any by default, or in its first sample: USD's rule for orientationsf."""
+    times = [Usd.TimeCode.Default(), *map(Usd.TimeCode, attribute.GetTimeSamples()[:1])]
+    return any(attribute.Get(time) for time in times)
 
 
 def _floats(value, width: int) -> np.ndarray:

@@ -343,6 +343,10 @@ class SceneSync:
             shutter = self._timing(prim).shutter
             point.arrays = read_point_instancer(instancer, len(targets), shutter, self._log)
             used = point.arrays.used_prototypes()
+            if not len(used) and point.arrays.points_nowhere():
+                count, known = point.arrays.count, len(targets)
+                text = f"{count} of {count} protoIndices point at none of its {known} prototypes"
+                self._log.warn(path, "topology", f"{text}; it is not rendered")
         for number in used:
             target = targets[number]
             if self._pass and self._pass.prunes_with_parents(target):

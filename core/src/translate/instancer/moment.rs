@@ -5,9 +5,9 @@ use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, Quat, Vec3};
 use crate::motion::rates::turn;
 use crate::motion::transform::{is_usable, lerp};
 
-/// Squared lengths of quaternions within this of 1 are unit: USD's half precision leaves 0.002. They are
-/// taken as they are, as USD does; others are normalized.
-const UNIT_SLACK: f32 = 0.01;
+/// Quaternions with a squared length within this of 1 are meant to be unit (half precision leaves 0.002,
+/// numbers typed by hand more). They are taken as they are, as USD does; others are normalized.
+const UNIT_SLACK: f32 = 0.25;
 /// Quaternions with a squared length below this are zero.
 const ZERO_QUATERNION: f32 = 1.0e-12;
 /// Below this `1 - cosine`, quaternions are mixed linearly; USD's own number.

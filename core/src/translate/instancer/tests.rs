@@ -333,7 +333,7 @@ fn ids_are_for_single_instancers() {
 }
 
 #[test]
-fn half_precision_quaternions_are_taken_as_they_are() {
+fn quaternions_that_are_nearly_unit_are_taken_as_they_are() {
     // 1 / sqrt(2) in half precision: a length of 0.9999, as USD uses it.
     let h = 0.707_031_25f32;
     let mut arrays = three();
