@@ -42,7 +42,7 @@ class Instances:
 
     def used_prototypes(self) -> np.ndarray:
         """Numbers of the prototypes that have instances which are there, ascending."""
-        indices = self.prototypes
+        indices = self.prototypes[: self.count]
         if len(self.mask) == len(indices):
             indices = indices[self.mask != 0]
         indices = indices[(indices >= 0) & (indices < self.prototype_count)]
@@ -79,18 +79,19 @@ def read_point_instancer(
         time_codes_per_second=instancer.GetPrim().GetStage().GetTimeCodesPerSecond(),
     )
     value = indices.Get(shutter.time)
+    if value is not None:
+        instances.prototypes = _integers(value, np.int32)
+        if not len(instances.prototypes):
+            return instances
     needed = {
         "prototypes": prototype_count,
-        "protoIndices": indices.HasAuthoredValue(),
+        "protoIndices": value is not None,
         "positions": instancer.GetPositionsAttr().Get(shutter.time) is not None,
     }
     missing = [name for name, there in needed.items() if not there]
-    if missing and (value is None or len(value)):
+    if missing:
         log.warn(path, "topology", f"it has no {' and no '.join(missing)}; it is not rendered")
         return instances
-    if value is None or not len(value):
-        return instances
-    instances.prototypes = _integers(value, np.int32)
     instances.count = len(instances.prototypes)
     instances.mask = _mask(instancer, instances.count, shutter)
     has_rates = _read_rates(instances, rates, shutter, path, log)
