@@ -130,7 +130,7 @@ def test_values_of_another_length_or_indexed_wrong(stage):
     bad = add_curves(stage, "/bad", FOUR, [4], "bezier", widths=1.0, color=None)
     primvar = bad.CreateDisplayColorPrimvar("varying")
     primvar.Set(vectors([(1, 0, 0)] * 4))
-    check(stage, "displayColor", "4 values where its prim has 2 varying", shown=1)
+    check(stage, "displayColor", "4 values where its curves has 2", shown=1)
     primvar.SetInterpolation("vertex")
     check(stage, shown=1)
     primvar.SetIndices(Vt.IntArray([0, 1, 2, 4]))

@@ -545,7 +545,7 @@ def test_empty_stage():
     assert "nothing to render" in image.warnings[0][2]
 
 
-@pytest.mark.parametrize("kind", [UsdGeom.TetMesh, UsdGeom.NurbsCurves])
+@pytest.mark.parametrize("kind", [UsdGeom.TetMesh, UsdGeom.HermiteCurves])
 def test_what_is_not_supported_is_named(stage, kind):
     kind.Define(stage, "/other")
     one_warning(render(stage), "/other", "not supported yet")

@@ -74,7 +74,7 @@ pub(super) struct PrimObjects {
 }
 
 impl PrimObjects {
-    fn empty() -> Self {
+    pub fn empty() -> Self {
         let color = Source::constant(&DEFAULT_ALBEDO);
         Self {
             shading: PrimShading {

@@ -168,14 +168,20 @@ pub fn prepare_with(
         .filter(|(_, found)| found.is_none())
         .filter_map(|((_, prim, _), _)| prim.common.instancer);
     let instancers = chains::resolve(scene, parts, view.shutter, &mut warnings);
-    check_memory(&visible, &found, &instancers)?;
+    let too_many = beyond_memory(&visible, &found, &instancers);
     let context = view.context(&instancers, factory, cancel);
     let prepared: Vec<(Arc<PrimObjects>, Taken)> = visible
         .par_iter()
         .zip(found)
-        .map(|((id, prim, _), found)| {
+        .zip(too_many)
+        .map(|(((id, prim, _), found), too_many)| {
             if let Some(found) = found {
                 return found;
+            }
+            if let Some(why) = too_many {
+                let mut left_out = PrimObjects::empty();
+                left_out.warn(&prim.common.path, Code::Budget, why);
+                return (Arc::new(left_out), Taken::Nothing);
             }
             let old = same_rates.and_then(|p| p.cache.get(id));
             let same = |old: &&CacheEntry| {
@@ -376,13 +382,17 @@ fn find_places<'a>(
 /// Bytes that an instance takes at most while a world is made: its record, its box, its share of the tree
 /// twice, its numbers. Moving ones take more; this is what keeps a mistaken count from ending the process.
 const BYTES_PER_INSTANCE: u64 = 300;
+/// Bytes for instances that are never asked about.
+const LEAST_MEMORY: u64 = 64 << 20;
 
-fn check_memory(
+/// Why a prim is left out, for those whose instances do not fit into the memory that is free.
+fn beyond_memory(
     visible: &[(&PrimId, &Arc<PrimDesc>, &Chain)],
     found: &[Option<(Arc<PrimObjects>, Taken)>],
     instancers: &HashMap<PrimId, Arc<Instancer>>,
-) -> Result<(), PrepareError> {
+) -> Vec<Option<String>> {
     let mut total = 0u64;
+    let mut why = Vec::with_capacity(visible.len());
     for ((_, prim, _), found) in visible.iter().zip(found) {
         let count = match (found, prim.common.instancer) {
             (Some((objects, _)), _) => objects.placed.iter().map(|p| p.set.len() as u64).sum(),
@@ -391,13 +401,16 @@ fn check_memory(
                 .map_or(0, |instancer| instancer.placement_count(prototype)),
             (None, None) => 1,
         };
-        total = total.saturating_add(count);
+        let with = total.saturating_add(count.saturating_mul(BYTES_PER_INSTANCE));
+        let fits = with < LEAST_MEMORY || memory::check(with, "").is_ok();
+        if fits {
+            total = with;
+        }
+        why.push(
+            (!fits).then(|| format!("its {count} instances do not fit into memory; left out")),
+        );
     }
-    memory::check(
-        total.saturating_mul(BYTES_PER_INSTANCE),
-        &format!("{total} instances"),
-    )
-    .map_err(|error| PrepareError::OutOfMemory(error.to_string()))
+    why
 }
 
 /// True when everything that dicing and paths depend on, apart from the prims, is that of `view`.

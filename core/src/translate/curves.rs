@@ -48,6 +48,10 @@ pub fn check(
 ) -> Option<CheckedCurves> {
     let authored = &*curves.vertex_counts;
     if authored.is_empty() {
+        if curves.points.points.iter().any(|p| !p.is_empty()) {
+            let text = "points but no curves; nothing to render";
+            warnings.push(Warning::new(path, Code::Topology, text));
+        }
         return None;
     }
     let total = authored.len();

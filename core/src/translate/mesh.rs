@@ -43,6 +43,10 @@ pub fn check(
 ) -> Option<CheckedMesh> {
     let authored = &*mesh.topology;
     if authored.face_vertex_counts.is_empty() {
+        if mesh.points.points.iter().any(|p| !p.is_empty()) {
+            let text = "points but no faces; nothing to render";
+            warnings.push(Warning::new(path, Code::Topology, text));
+        }
         return None;
     }
     if mesh.points.points.iter().all(|p| p.is_empty()) {

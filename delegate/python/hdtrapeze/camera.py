@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdRender, UsdUtils
 
+from .endless import endless_instancers
 from .errors import SceneError, UsageError
 from .guard import FAULTS, fallback, number_or_fallback, reason
 from .lens import (
@@ -202,11 +203,22 @@ def _clipping_planes(camera: UsdGeom.Camera, time: Usd.TimeCode, log: SceneLog) 
 
 
 def _sane_bounds(cache: UsdGeom.BBoxCache, root: Usd.Prim) -> Gf.Range3d:
-    """World bounds of the subtree, without what is not finite or farther than LARGEST_BOUND."""
+    """World bounds of the subtree, without what is not finite or farther than LARGEST_BOUND.
+
+    Instancers that are among their own prototypes have no bounds: USD would follow them without
+    end.
+    """
     box = Gf.Range3d()
+    endless = endless_instancers(root.GetStage())
+    above = {prefix for path in endless for prefix in path.GetPrefixes()} | {Sdf.Path("/")}
     pending = [root]
     while pending:
         prim = pending.pop()
+        if prim.GetPath() in endless:
+            continue
+        if endless and prim.GetPath() in above:
+            pending += prim.GetFilteredChildren(Usd.TraverseInstanceProxies())
+            continue
         try:
             found = cache.ComputeWorldBound(prim).ComputeAlignedRange()
         except FAULTS:

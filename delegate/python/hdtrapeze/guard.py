@@ -32,7 +32,10 @@ def reason(error: Exception) -> str:
 
 def warn_unreadable(log: SceneLog, path, error: Exception, outcome: str) -> None:
     """The one warning about a prim that could not be read; `outcome` is what is done instead."""
-    text = f"an attribute has another type than USD's schema says ({reason(error)}); {outcome}"
+    if isinstance(error, RecursionError):
+        text = f"it is nested too deeply; {outcome}"
+    else:
+        text = f"an attribute has another type than USD's schema says ({reason(error)}); {outcome}"
     log.warn(path, "type", text)
 
 

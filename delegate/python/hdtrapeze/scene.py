@@ -167,6 +167,9 @@ class SceneSync:
             elif prim.IsA(UsdShade.Material):
                 self._ignored["materials"] += 1
                 continue
+            elif prim.GetTypeName() and not prim.GetPrimTypeInfo().GetSchemaTypeName():
+                text = f"{prim.GetTypeName()} is no type that USD knows here; it is not rendered"
+                self._log.warn(prim.GetPath(), "unknown-type", text)
             if prim.IsInstance() and place.natives:
                 place.natives.nested.append((prim, purpose))
                 continue
@@ -352,8 +355,9 @@ class SceneSync:
             if self._pass and self._pass.prunes_with_parents(target):
                 continue
             prototype = self._stage.GetPrimAtPath(target)
-            if not prototype:
-                self._log.warn(path, "prototype", f"its prototype {target} does not exist")
+            if not prototype or not prototype.IsActive():
+                what = "is not active" if prototype else "does not exist"
+                self._log.warn(path, "prototype", f"its prototype {target} {what}")
                 continue
             part = PointPart(point, int(number))
             inside = (part, prototype, None, f"{point.key}[{number}]", (*place.instancers, path))
