@@ -590,3 +590,31 @@ def render_with_unknown_aov(stage):
         renderer.load(stage, 0.0)
         renderer.render()
         return list(renderer.log.warnings)
+
+
+def test_an_instancer_that_ends_in_itself_is_framed_without_it(tmp_path):
+    stage = Usd.Stage.CreateInMemory()
+    add_quad(stage, "/quad")
+    for name, other in (("a", "b"), ("b", "a")):
+        instancer = UsdGeom.PointInstancer.Define(stage, f"/{name}")
+        instancer.CreatePrototypesRel().SetTargets([f"/{other}"])
+        instancer.CreateProtoIndicesAttr([0])
+        instancer.CreatePositionsAttr([(0, 0, 0)])
+    with Renderer(Options(width=8, height=8, samples=1)) as renderer:
+        renderer.load(stage, 0.0)
+        renderer.render()
+        assert renderer.aov("color").any()
+
+
+def test_unknown_types_and_inactive_prototypes_are_named(stage):
+    stage.DefinePrim("/what", "Foo")
+    one_warning(render(stage), "/what", "Foo")
+    stage.RemovePrim("/what")
+    instancer = UsdGeom.PointInstancer.Define(stage, "/points")
+    prototype = add_quad(stage, "/points/gone")
+    prototype.GetPrim().SetActive(False)
+    instancer.CreatePrototypesRel().SetTargets(["/points/gone"])
+    instancer.CreateProtoIndicesAttr([0])
+    instancer.CreatePositionsAttr([(0, 0, 0)])
+    image = render(stage)
+    assert any("is not active" in warning[2] for warning in image.warnings), image.warnings
