@@ -101,6 +101,10 @@ fn all_layouts() -> Layouts {
             struct_size, orientation, u_order, v_order, u_vertex_count, v_vertex_count, u_knots,
             u_knot_count, v_knots, v_knot_count, u_range, v_range, weights, weight_count,
         }
+        trz_nurbs_curves {
+            struct_size, form, vertex_counts, orders, curve_count, knots, knot_count, ranges,
+            range_count, weights, weight_count,
+        }
         trz_grids {
             struct_size, times, key_count, rates, elements, grid_count, positions, position_count,
         }
