@@ -242,8 +242,10 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_silent_and_no_points_are_not() {
-        assert!(run(&curves(CurveBasis::Linear, &[], 3)).1.is_empty());
+    fn nothing_is_silent_and_half_of_it_is_not() {
+        assert!(run(&curves(CurveBasis::Linear, &[], 0)).1.is_empty());
+        let (out, warnings) = run(&curves(CurveBasis::Linear, &[], 3));
+        assert!(out.is_none() && warnings.len() == 1);
         let (out, warnings) = run(&curves(CurveBasis::Linear, &[2], 0));
         assert!(out.is_none() && warnings.len() == 1);
     }
