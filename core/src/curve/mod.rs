@@ -4,7 +4,7 @@
 //! UsdGeomBasisCurves' rules for bases and wraps is there, once. `strand` evaluates one curve at one
 //! instant, with the frames of its cross-sections; `rate` chooses the stations that it needs on
 //! screen; `layout` cuts these into grids; `keys` adds motion keys where cross-sections turn;
-//! `emit` writes ribbons and tubes; [`dice`] joins them.
+//! `emit` writes ribbons and tubes; [`mod@dice`] joins them.
 //!
 //! **Forms.** Curves with normals are flat ribbons that lie across them. Others stand for round tubes:
 //! they are closed tubes where they are wide on screen, or where instances share them, and elsewhere

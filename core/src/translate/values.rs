@@ -71,9 +71,7 @@ pub fn resolve(
             primvar.width
         ));
     }
-    let Some((values, indices)) = primvar.floats_at_frame() else {
-        return None;
-    };
+    let (values, indices) = primvar.floats_at_frame()?;
     let value_count = values.len() / width;
     if value_count == 0 {
         return None;
