@@ -6,7 +6,7 @@
 //! | depth | 1 float | clip-space depth, 0 near to 1 far, point-sampled | 1 |
 //! | cameraDepth | 1 float | distance along the view axis, scene units, point-sampled | 0 |
 //! | P | 3 float | world position, scene units, point-sampled | 0 |
-//! | normal | 3 float | world-space shading normal, mean over the samples that hit | 0 |
+//! | normal | 3 float | world-space shading normal (of the side that is seen where a prim is double-sided, else of the front), mean over the samples that hit | 0 |
 //! | Neye | 3 float | the same in camera space | 0 |
 //! | primId, instanceId, elementId | 1 int | as the host numbers them; elementId is the authored face; point-sampled | -1 |
 //! | motionVectors | 2 float | raster movement from shutter open to close, pixels, x right and y down, mean over the samples that hit | 0 |

@@ -37,6 +37,8 @@ pub struct EffectPlan {
     pub transparency_by: Option<String>,
     /// Path of the first prim that is a matte object (a holdout).
     pub matte_by: Option<String>,
+    /// Path of the first prim with a side that rays pass through.
+    pub culled_by: Option<String>,
     /// Number of instances traced through a moving matrix.
     pub moving_instances: usize,
     /// Number of prims lit by the camera light.
@@ -57,6 +59,11 @@ impl EffectPlan {
     /// True when a ray may pass through a surface.
     pub fn has_transparency(&self) -> bool {
         self.transparency_by.is_some()
+    }
+
+    /// True when rays pass through one side of a surface.
+    pub fn has_culling(&self) -> bool {
+        self.culled_by.is_some()
     }
 
     /// True when a surface may hold out what lies behind it.
@@ -117,6 +124,9 @@ impl fmt::Display for EffectPlan {
         match &self.transparency_by {
             Some(path) => writeln!(f, "opacity: transparent, called for by {path}")?,
             None => writeln!(f, "opacity: opaque")?,
+        }
+        if self.has_culling() {
+            writeln!(f, "culled sides: some{}", by(&self.culled_by))?;
         }
         if self.has_matte() {
             writeln!(f, "matte objects: some{}", by(&self.matte_by))?;

@@ -336,7 +336,7 @@ def test_own_settings(scene, monkeypatch):
         lambda self, *args: seen.append(self.options) or original(self, *args),
     )
     own(scene.settings, samples=16, shadingRate=2.0, filter="mitchell", filterWidth=3.0, seed=5)
-    own(scene.settings, maxMicropolygons=1000, cameraLight=False, compression="rle")
+    own(scene.settings, maxMicropolygons=1000, cameraLight=False, compression="rle", cull="back")
     product = scene.product("shot")
     own(product, samples=2, pixelType="float", compression="none")
     own(product.GetPrim(), seed=6)
@@ -347,6 +347,7 @@ def test_own_settings(scene, monkeypatch):
     assert (first.filter, first.filter_width) == ("mitchell", 3.0)
     assert (first.max_micropolygons, first.camera_light) == (1000, False)
     assert (second.samples, second.seed, second.filter) == (2, 6, "mitchell")
+    assert (first.cull, second.cull) == ("back", "back")
     assert exr_header(scene.path("own.exr"))["compression"] == "rle"
     header = exr_header(scene.path("shot.exr"))
     assert header["compression"] == "none"
@@ -360,13 +361,13 @@ def test_own_settings(scene, monkeypatch):
 
 
 def test_own_settings_that_cannot_be(scene, capsys):
-    own(scene.settings, samples=0, sampels=4, filter="sharp", seed="one", shadingRate=-1.0)
+    own(scene.settings, samples=0, sampels=4, filter="sharp", seed="one", cull="left")
     assert scene.run() == 0
     lines = warnings(capsys)
     assert len(lines) == 5, lines
     assert all(line.startswith("/Render/settings: trapeze:") for line in lines)
     text = "\n".join(lines)
-    for words in ("samples is 0", "did you mean trapeze:samples?", "'sharp'", "'one'", "-1.0"):
+    for words in ("samples is 0", "did you mean trapeze:samples?", "'sharp'", "'one'", "'left'"):
         assert words in text
     assert read_png(scene.path("own.png")).shape == (40, 40, 4)
 

@@ -18,6 +18,7 @@ use crate::dice::{RasterMetric, RasterView};
 use crate::motion::PointPath;
 use crate::motion::keys::subdivided;
 use crate::motion::transform::{is_usable, lerp};
+use crate::trace::Winding;
 use crate::trace::places::{InstanceSet, Record, Shift};
 use crate::translate::instancer::{Moments, Placements};
 use crate::translate::measure::{
@@ -138,8 +139,8 @@ impl PrimObjects {
             let dice = |shape| self.dice_shared(path, shape, &shared, rate, context);
             let diced = kept.or_else(|| shape.and_then(dice));
             if let Some((geometry, _)) = &diced {
-                let flip = geometry.mesh().normal_key_count == 0 && shared.left_handed;
-                self.place_sets(path, &paths, &classes, geometry, flip);
+                let winding = Winding::of(shared.left_handed);
+                self.place_sets(path, &paths, &classes, geometry, &winding);
             }
             shared.diced = diced;
         }
@@ -186,7 +187,7 @@ impl PrimObjects {
         paths: &Paths<'_>,
         classes: &[Class],
         geometry: &Arc<ObjectGeometry>,
-        flip: bool,
+        winding: &Winding,
     ) {
         let mut counts = [0usize; 256];
         for class in classes {
@@ -204,7 +205,7 @@ impl PrimObjects {
             self.segments = self.segments.max(pieces);
             self.placed.push(PlacedSet {
                 set: Arc::new(set),
-                flip,
+                winding: winding.clone(),
             });
         }
     }

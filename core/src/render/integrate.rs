@@ -66,15 +66,23 @@ impl<'a> Integrator<'a> {
         if tile.samples >= target {
             return;
         }
-        if self.prepared.plan.has_matte() {
-            self.fill_with::<true>(tile, target, counts);
-        } else {
-            self.fill_with::<false>(tile, target, counts);
+        let plan = &self.prepared.plan;
+        match (plan.has_matte(), plan.has_culling()) {
+            (false, false) => self.fill_with::<false, false>(tile, target, counts),
+            (true, false) => self.fill_with::<true, false>(tile, target, counts),
+            (false, true) => self.fill_with::<false, true>(tile, target, counts),
+            (true, true) => self.fill_with::<true, true>(tile, target, counts),
         }
     }
 
-    /// `fill` for scenes with matte objects, or for those without: these are not asked for any.
-    fn fill_with<const MATTE: bool>(&self, tile: &mut Tile, target: u32, counts: &mut TraceCounts) {
+    /// `fill` for scenes with matte objects or culled sides, or for those without: these are not asked
+    /// for any.
+    fn fill_with<const MATTE: bool, const CULL: bool>(
+        &self,
+        tile: &mut Tile,
+        target: u32,
+        counts: &mut TraceCounts,
+    ) {
         let range = tile.samples..target;
         let wants_primvars = self.keeps.primvars().is_some();
         let mut primvars = PrimvarSample::new(self.keeps);
@@ -93,8 +101,8 @@ impl<'a> Integrator<'a> {
                     for (slot, pixel, pattern) in &pixels {
                         let job = self.generate(*pixel, pattern.sample(index));
                         let mut own = TraceCounts::default();
-                        let hit = self.prepared.world.trace(&job.ray, &mut own);
-                        let sample = self.shade::<MATTE>(&job, &hit, &mut own, &mut primvars);
+                        let hit = self.prepared.world.next::<CULL>(&job.ray, None, &mut own);
+                        let sample = self.shade::<MATTE, CULL>(&job, &hit, &mut own, &mut primvars);
                         let is_point = tile.add(*slot, &sample);
                         if wants_primvars {
                             let hit = sample.first.is_some().then_some(&primvars);
@@ -136,7 +144,7 @@ impl<'a> Integrator<'a> {
     /// Composites what the ray meets, front to back. A matte object takes its share of the ray away
     /// and gives nothing for it: neither colour nor alpha, nor the values of a first hit.
     /// `primvars` becomes those of the first hit.
-    fn shade<const MATTE: bool>(
+    fn shade<const MATTE: bool, const CULL: bool>(
         &self,
         job: &Job,
         first: &Hit,
@@ -174,7 +182,8 @@ impl<'a> Integrator<'a> {
             if transmittance == 0.0 {
                 break;
             }
-            hit = self.prepared.world.trace_after(&job.ray, &hit, counts);
+            let world = &self.prepared.world;
+            hit = world.next::<CULL>(&job.ray, Some(&hit), counts);
         }
         if self.prepared.camera.lens_changes() {
             color *= self.prepared.camera.lens(job.ray.time).exposure;
@@ -203,7 +212,16 @@ impl<'a> Integrator<'a> {
             value[0].clamp(0.0, 1.0)
         });
         let normal = world.shading_normal(hit, ray.time).unwrap_or(Vec3::ZERO);
-        let normal = if entry.flip { -normal } else { normal };
+        let normal = if entry.facets.is_inverted(ray.time) {
+            -normal
+        } else {
+            normal
+        };
+        let normal = if prim.double_sided && first.is_some() {
+            self.on_the_side_seen(normal, ray, hit)
+        } else {
+            normal
+        };
         let n_eye = prepared.camera.normal_to_camera(normal, ray.time);
         let radiance = if self.keeps.color() {
             let mut albedo = [0.0; 3];
@@ -239,6 +257,17 @@ impl<'a> Integrator<'a> {
             FirstHit::default()
         };
         (Layer { radiance, first }, opacity)
+    }
+
+    /// A normal, or its opposite where that is on the side of the facet that the ray sees.
+    fn on_the_side_seen(&self, normal: Vec3, ray: &Ray, hit: &Hit) -> Vec3 {
+        let facet = self.prepared.world.geometric_normal(hit, ray.time);
+        let facet = facet.unwrap_or(Vec3::ZERO);
+        if facet.dot(normal) * facet.dot(ray.dir) > 0.0 {
+            -normal
+        } else {
+            normal
+        }
     }
 
     /// Raster movement of the point that was hit, from shutter open to close.

@@ -19,6 +19,7 @@ use crate::motion::{Hierarchy, Shutter, TransformError};
 use crate::scene::{PrimDesc, PrimId, RenderSettings};
 use crate::shade::{DEFAULT_ALBEDO, PrimShading, Source};
 use crate::surface::SubdivisionFactory;
+use crate::trace::Winding;
 use crate::trace::places::{InstanceSet, Shift};
 use crate::translate::blur::prim_shutter;
 use crate::translate::instancer::{Instancer, Placements};
@@ -47,8 +48,8 @@ pub(super) struct Context<'a> {
 #[derive(Clone, Debug)]
 pub(super) struct PlacedSet {
     pub set: Arc<InstanceSet>,
-    /// The mesh stores no normals, and its facets' outside is not where its lattices' is.
-    pub flip: bool,
+    /// Where its lattices' fronts are.
+    pub winding: Winding,
 }
 
 /// What one prim became.
@@ -229,12 +230,12 @@ impl PrimObjects {
         };
         self.segments = self.segments.max(points.key_times().len() - 1);
         if let Some(geometry) = self.build(path, shape, &target, context) {
-            let mirrored = matrix(matrix_keys[0]).matrix3.determinant() < 0.0;
-            let flip =
-                geometry.mesh().normal_key_count == 0 && (mirrored != shape.is_left_handed());
+            let keys = points.key_times();
+            let matrices = (0..keys.len()).map(|k| points.matrix(k).matrix3).collect();
+            let winding = Winding::placed(shape.is_left_handed(), keys, matrices);
             let place = Shift::new(DVec3::ZERO, geometry.mesh().origin, instance_id);
             let set = Arc::new(InstanceSet::translated(geometry, vec![place]));
-            self.placed.push(PlacedSet { set, flip });
+            self.placed.push(PlacedSet { set, winding });
         }
     }
 

@@ -18,9 +18,9 @@ use crate::diagnostics::{Code, Warning};
 use crate::effects::{EffectPlan, TimePlan};
 use crate::memory;
 use crate::motion::Shutter;
-use crate::scene::{CameraDesc, PrimDesc, PrimId, RenderSettings, Scene};
+use crate::scene::{CameraDesc, Cull, PrimDesc, PrimId, RenderSettings, Scene};
 use crate::surface::SubdivisionFactory;
-use crate::trace::{World, WorldSet};
+use crate::trace::{Culled, Side, Winding, World, WorldSet};
 use crate::translate::instancer::Instancer;
 use crate::translate::points::Bends;
 
@@ -233,6 +233,8 @@ pub fn prepare_with(
             path,
             pick_id: desc.common.pick_id,
             matte: desc.common.matte,
+            double_sided: desc.common.double_sided,
+            culled: culled_side(settings.cull, desc),
             objects,
             primvars: Vec::new(),
         });
@@ -456,6 +458,17 @@ fn same_geometry(old: &Arc<PrimDesc>, new: &Arc<PrimDesc>) -> bool {
             && old.common.primvars == new.common.primvars)
 }
 
+/// The side of a prim that rays pass through.
+fn culled_side(cull: Cull, prim: &PrimDesc) -> Option<Side> {
+    let side = match cull {
+        Cull::None => None,
+        Cull::Back => Some(Side::Back),
+        Cull::Front => Some(Side::Front),
+        Cull::BackUnlessDoubleSided => (!prim.common.double_sided).then_some(Side::Back),
+    };
+    side.filter(|_| prim.geometry.has_sides())
+}
+
 fn place(
     prims: &[PreparedPrim],
     camera: &Camera,
@@ -478,13 +491,22 @@ fn place(
                 statistics.bvh_bytes += stats.bvh_bytes;
                 statistics.bvh_nodes += stats.nodes + stats.blocks;
             }
+            let winding = &placed.winding;
             sets.push(WorldSet {
                 set: Arc::clone(&placed.set),
                 user: entries.len() as u32,
+                culled: prim.culled.map(|side| Culled {
+                    side,
+                    winding: winding.clone(),
+                }),
             });
+            let facets = match object.mesh().normal_key_count {
+                0 => winding.clone(),
+                _ => Winding::Same,
+            };
             entries.push(SetEntry {
                 prim: p as u32,
-                flip: placed.flip,
+                facets,
             });
         }
     }
@@ -541,6 +563,8 @@ fn plan_effects(
     }
     plan.lens_changes = camera.lens_changes();
     plan.matte_by = placed.clone().find(|p| p.matte).map(|p| p.path.clone());
+    let culled = placed.clone().find(|p| p.culled.is_some());
+    plan.culled_by = culled.map(|p| p.path.clone());
     plan.transparency_by = placed
         .clone()
         .find(|p| p.objects.shading.opacity.is_some())

@@ -11,7 +11,7 @@ use crate::effects::EffectPlan;
 use crate::motion::Shutter;
 use crate::scene::{CameraDesc, PrimDesc, PrimId, RenderSettings};
 use crate::shade::Source;
-use crate::trace::{Hit, World};
+use crate::trace::{Hit, Side, Winding, World};
 
 /// A prim as rays meet it.
 #[derive(Debug)]
@@ -20,17 +20,21 @@ pub(super) struct PreparedPrim {
     pub pick_id: i32,
     /// See [`crate::scene::PrimCommon::matte`].
     pub matte: bool,
+    /// See [`crate::scene::PrimCommon::double_sided`].
+    pub double_sided: bool,
+    /// The side that rays pass through.
+    pub culled: Option<Side>,
     pub objects: Arc<PrimObjects>,
     /// The primvar of each of [`Prepared::primvar_aovs`], in their order.
     pub primvars: Vec<Option<Arc<Source>>>,
 }
 
 /// One entry a set of instances of the world: which prim appears.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct SetEntry {
     pub prim: u32,
-    /// See [`super::objects::PlacedSet::flip`].
-    pub flip: bool,
+    /// Where the fronts of facets are; of meshes that store normals, these know.
+    pub facets: Winding,
 }
 
 /// What a prim was prepared from, to know it again.
@@ -91,8 +95,8 @@ pub struct Prepared {
 
 impl Prepared {
     /// The set and the prim of a hit.
-    pub(super) fn hit_prim(&self, hit: &Hit) -> (SetEntry, &PreparedPrim) {
-        let entry = self.sets[self.world.user(hit).unwrap_or(0) as usize];
+    pub(super) fn hit_prim(&self, hit: &Hit) -> (&SetEntry, &PreparedPrim) {
+        let entry = &self.sets[self.world.user(hit).unwrap_or(0) as usize];
         (entry, &self.prims[entry.prim as usize])
     }
 

@@ -237,6 +237,18 @@ pub enum Geometry {
 }
 
 impl Geometry {
+    /// True for surfaces with a front and a back. Curves and points are bodies that are seen from
+    /// without, or ribbons that turn to the camera.
+    pub fn has_sides(&self) -> bool {
+        match self {
+            Geometry::Mesh(_)
+            | Geometry::Grids(_)
+            | Geometry::Implicit(_)
+            | Geometry::NurbsPatch(_) => true,
+            Geometry::NurbsCurves(_) | Geometry::Curves(_) | Geometry::Spheres(_) => false,
+        }
+    }
+
     /// The points of kinds that have some.
     pub fn points_mut(&mut self) -> Option<&mut PointsSamples> {
         match self {

@@ -26,7 +26,7 @@ pub use geometry::{
 pub use instancer::{InstanceArrays, InstancerDesc, PrototypeOf};
 pub use prim::{PrimCommon, PrimDesc, TransformSamples};
 pub use primvar::{Interpolation, PrimvarDesc, PrimvarRole, PrimvarSample, PrimvarValues};
-pub use settings::{FilterKind, RenderSettings, WindowPolicy};
+pub use settings::{Cull, FilterKind, RenderSettings, WindowPolicy};
 
 /// Identifies a prim for the life of a scene; never reused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]

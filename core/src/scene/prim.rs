@@ -41,7 +41,8 @@ pub struct PrimCommon {
     /// Position samples over the shutter where rates bend a path (motion:nonlinearSampleCount);
     /// `None`: as many as the path needs.
     pub nonlinear_samples: Option<u32>,
-    /// Both sides are outsides (UsdGeomGprim's doubleSided): normals face the viewer.
+    /// Both sides are outsides (UsdGeomGprim's doubleSided): normals are those of the side that is
+    /// seen. Otherwise they are the front's, from whichever side.
     pub double_sided: bool,
 }
 

@@ -44,6 +44,21 @@ pub enum WindowPolicy {
     DontConform,
 }
 
+/// Which sides of surfaces rays pass through (Hydra's cull style). Surfaces are meshes, grids,
+/// NURBS patches and implicit prims; curves and points have no sides and are always seen.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Cull {
+    /// None: both sides are seen.
+    #[default]
+    None,
+    /// Their backs.
+    Back,
+    /// Their fronts.
+    Front,
+    /// Their backs, but for prims that are double-sided.
+    BackUnlessDoubleSided,
+}
+
 /// Settings of one render.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RenderSettings {
@@ -90,6 +105,8 @@ pub struct RenderSettings {
     /// Keep the grids of instanced prims that an earlier commit made finer than they are needed now. What
     /// an edit does not touch is rendered sooner; bits then depend on what was rendered before.
     pub keep_finer: bool,
+    /// Which sides of surfaces are not seen.
+    pub cull: Cull,
     /// AOVs to render, by name; unknown names give a warning.
     pub aovs: Vec<String>,
 }
@@ -137,6 +154,7 @@ impl Default for RenderSettings {
             max_micropolygons: 200_000_000,
             keep_finer: true,
             curves: CurveForm::Auto,
+            cull: Cull::None,
             aovs: vec!["color".to_owned()],
         }
     }

@@ -21,6 +21,7 @@
 use glam::Vec3;
 
 use super::object_ray::ObjectRay;
+use super::sides::Side;
 use crate::bvh::block::CellRect;
 use crate::grid::{DicedMesh, lerp_position, locate_key};
 
@@ -79,13 +80,15 @@ impl CellRay {
     }
 
     /// Tests the cells `rect` of grid `g`, one group; calls `accept(cell, hit)` for every triangle
-    /// hit, in no useful order. `MOVING` says that the mesh has more than one key.
+    /// hit, in no useful order. `MOVING` says that the mesh has more than one key; with `CULL`, triangles
+    /// that show the ray their side `hidden` are not there.
     #[inline(always)]
-    pub fn test_group<const MOVING: bool>(
+    pub fn test_group<const MOVING: bool, const CULL: bool>(
         &self,
         mesh: &DicedMesh,
         g: u32,
         rect: CellRect,
+        hidden: Option<Side>,
         mut accept: impl FnMut(u32, CellHit),
     ) {
         let grid = &mesh.grids[g as usize];
@@ -168,6 +171,9 @@ impl CellRay {
             let Some((t, [w1, w2])) = self.exact(p) else {
                 continue;
             };
+            if CULL && hidden.is_some_and(|side| side == self.side(p)) {
+                continue;
+            }
             // (u, v) from the weights of the second and third corner.
             let (u, v) = if second { (w1, w1 + w2) } else { (w1 + w2, w2) };
             let hit = CellHit {
@@ -177,6 +183,17 @@ impl CellRay {
             };
             let cell = (usize::from(rect.j) + r) * usize::from(grid.nu) + usize::from(rect.i) + c;
             accept(cell as u32, hit);
+        }
+    }
+
+    /// The side that a triangle of sheared vertices shows the ray, exactly, where [`Self::exact`] finds
+    /// a hit. Axes were turned in a cycle, and shearing turns nothing over.
+    fn side(&self, [a, b, c]: [[f64; 3]; 3]) -> Side {
+        let edge = |p: [f64; 3], q: [f64; 3]| p[0] * q[1] - p[1] * q[0];
+        let det = edge(b, c) + edge(c, a) + edge(a, b);
+        match (det < 0.0) == (self.dir_z < 0.0) {
+            true => Side::Back,
+            false => Side::Front,
         }
     }
 

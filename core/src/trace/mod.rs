@@ -11,11 +11,13 @@ pub mod instance;
 pub mod object_ray;
 pub mod places;
 pub mod shading;
+pub mod sides;
 mod traverse;
 pub mod world;
 
 pub use instance::InstanceTransform;
 pub use places::InstanceSet;
+pub use sides::{Culled, Side, Winding};
 pub use world::{World, WorldInstance, WorldSet, WorldStats};
 
 use glam::Vec3;

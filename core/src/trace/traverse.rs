@@ -7,6 +7,7 @@
 
 use super::cell::{CellHit, CellRay};
 use super::object_ray::ObjectRay;
+use super::sides::Side;
 use super::{Hit, TraceCounts};
 use crate::bvh::block::{CellRect, whole};
 use crate::bvh::node::enter;
@@ -157,12 +158,14 @@ pub(super) fn walk<B: Bounds8>(
     }
 }
 
-/// Traces one object.
+/// Traces one object. With `CULL`, the side `hidden` of its lattices is not there.
 #[inline(always)]
-pub(super) fn trace_object<B: Bounds8>(
+#[allow(clippy::too_many_arguments)] // one call, inlined
+pub(super) fn trace_object<B: Bounds8, const CULL: bool>(
     blocks: &BlockTree<B>,
     mesh: &DicedMesh,
     instance: u32,
+    hidden: Option<Side>,
     ray: &ObjectRay,
     query: &mut Query,
     stack: &mut Stack,
@@ -182,9 +185,9 @@ pub(super) fn trace_object<B: Bounds8>(
             });
         };
         if B::MOVING {
-            cells.test_group::<true>(mesh, grid, rect, accept);
+            cells.test_group::<true, CULL>(mesh, grid, rect, hidden, accept);
         } else {
-            cells.test_group::<false>(mesh, grid, rect, accept);
+            cells.test_group::<false, CULL>(mesh, grid, rect, hidden, accept);
         }
     };
     let leaf = |item: u32, query: &mut Query, _: &mut Stack, counts: &mut TraceCounts| {

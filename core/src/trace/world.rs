@@ -9,6 +9,7 @@ use rayon::prelude::*;
 use super::instance::{Bounded, INSTANCE_PAD, InstanceTransform, NEAR_CONDITION};
 use super::object_ray::{ObjectRay, SLAB_PAD};
 use super::places::{InstanceSet, Record, Shift};
+use super::sides::Culled;
 use super::traverse::{Query, Stack, trace_object, walk};
 use super::{Hit, Ray, TraceCounts};
 use crate::bvh::build::{Item, Nodes, build_items};
@@ -33,6 +34,8 @@ pub struct WorldSet {
     pub set: Arc<InstanceSet>,
     /// Any number of the caller's.
     pub user: u32,
+    /// What rays that ask for it pass through.
+    pub culled: Option<Culled>,
 }
 
 /// A set as traced: its instances are numbered from `first`.
@@ -41,6 +44,7 @@ pub(super) struct Numbered {
     pub set: Arc<InstanceSet>,
     pub first: u32,
     pub user: u32,
+    culled: Option<Culled>,
 }
 
 #[derive(Clone, Debug)]
@@ -122,6 +126,7 @@ impl World {
             WorldSet {
                 set: Arc::new(set),
                 user: i.user,
+                culled: None,
             }
         };
         let sets = instances.into_iter().map(set).collect();
@@ -145,10 +150,15 @@ impl World {
         set_of.try_reserve_exact(total).map_err(|_| error)?;
         items.try_reserve_exact(total).map_err(|_| error)?;
         let mut numbered: Vec<Numbered> = Vec::with_capacity(sets.len());
-        for (s, WorldSet { set, user }) in sets.into_iter().enumerate() {
+        for (s, WorldSet { set, user, culled }) in sets.into_iter().enumerate() {
             let first = set_of.len() as u32;
             set_of.resize(set_of.len() + set.len(), s as u32);
-            numbered.push(Numbered { set, first, user });
+            numbered.push(Numbered {
+                set,
+                first,
+                user,
+                culled,
+            });
         }
         let bounded = |i: usize, scratch: &mut Vec<DAffine3>| {
             let set = &numbered[set_of[i] as usize];
@@ -221,22 +231,33 @@ impl World {
     /// The nearest hit between `t_min` and `t_max`, both inclusive. A ray that is not finite, has no
     /// direction, or is absurdly long or far misses; time is clamped to [0, 1], NaN counting as 0.
     pub fn trace(&self, ray: &Ray, counts: &mut TraceCounts) -> Hit {
-        with_stack(|stack| self.query(ray, None, false, stack, counts))
+        self.next::<false>(ray, None, counts)
     }
 
     /// The next hit after `after` on the same ray, in the order of hits: also where surfaces
     /// coincide. `t_min` and `t_max` count as for [`World::trace`]. A ray that meets an edge which two
     /// cells share hits both.
     pub fn trace_after(&self, ray: &Ray, after: &Hit, counts: &mut TraceCounts) -> Hit {
-        if !after.is_hit() {
+        self.next::<false>(ray, Some(after), counts)
+    }
+
+    /// [`World::trace`], or with `after` [`World::trace_after`]. With `CULL`, rays pass through the sides
+    /// that sets have culled, as if these were not there.
+    pub fn next<const CULL: bool>(
+        &self,
+        ray: &Ray,
+        after: Option<&Hit>,
+        counts: &mut TraceCounts,
+    ) -> Hit {
+        if after.is_some_and(|after| !after.is_hit()) {
             return Hit::MISS;
         }
-        with_stack(|stack| self.query(ray, Some(*after), false, stack, counts))
+        with_stack(|stack| self.query::<CULL>(ray, after.copied(), false, stack, counts))
     }
 
     /// True when anything is hit between `t_min` and `t_max`.
     pub fn occluded(&self, ray: &Ray, counts: &mut TraceCounts) -> bool {
-        with_stack(|stack| self.query(ray, None, true, stack, counts)).is_hit()
+        with_stack(|stack| self.query::<false>(ray, None, true, stack, counts)).is_hit()
     }
 
     /// [`World::trace`] for many rays, best near each other in space and time; each answer is the
@@ -244,12 +265,12 @@ impl World {
     pub fn trace_many(&self, rays: &[Ray], hits: &mut [Hit], counts: &mut TraceCounts) {
         with_stack(|stack| {
             for (ray, hit) in rays.iter().zip(hits) {
-                *hit = self.query(ray, None, false, stack, counts);
+                *hit = self.query::<false>(ray, None, false, stack, counts);
             }
         });
     }
 
-    fn query(
+    fn query<const CULL: bool>(
         &self,
         ray: &Ray,
         after: Option<Hit>,
@@ -271,14 +292,18 @@ impl World {
             return Hit::MISS;
         }
         match &self.top {
-            TopTree::Static(tree) => self.query_top(tree, ray, &mut query, stack, counts),
-            TopTree::Moving(tree) => self.query_top(tree, ray, &mut query, stack, counts),
+            TopTree::Static(tree) => {
+                self.query_top::<_, CULL>(tree, ray, &mut query, stack, counts)
+            }
+            TopTree::Moving(tree) => {
+                self.query_top::<_, CULL>(tree, ray, &mut query, stack, counts)
+            }
         }
         query.answer()
     }
 
     #[inline(always)]
-    fn query_top<B: Bounds8>(
+    fn query_top<B: Bounds8, const CULL: bool>(
         &self,
         tree: &Tree<B>,
         ray: &Ray,
@@ -305,19 +330,27 @@ impl World {
             stack,
             counts,
             |item, query, stack, counts| {
-                let (Numbered { set, .. }, i) = self.find(item);
+                let (Numbered { set, culled, .. }, i) = self.find(item);
                 let (origin, dir) = set.to_object(i, ray.origin, ray.dir, time, self.origin);
                 let object = &**set.object();
                 let Some(ray) = ObjectRay::new(origin, dir, time, object.radius()) else {
                     return;
                 };
                 let mesh = object.mesh();
+                let hidden = match culled {
+                    Some(culled) if CULL => Some(culled.of_lattices(time)),
+                    _ => None,
+                };
                 match object.blas() {
                     Blas::Static(blocks) => {
-                        trace_object(blocks, mesh, item, &ray, query, stack, counts);
+                        trace_object::<_, CULL>(
+                            blocks, mesh, item, hidden, &ray, query, stack, counts,
+                        );
                     }
                     Blas::Moving(blocks) => {
-                        trace_object(blocks, mesh, item, &ray, query, stack, counts);
+                        trace_object::<_, CULL>(
+                            blocks, mesh, item, hidden, &ray, query, stack, counts,
+                        );
                     }
                 }
             },

@@ -7,7 +7,7 @@ import sys
 
 from . import errors
 from .curves import FORMS
-from .options import AOVS, BACKENDS, COMPRESSIONS, FILTERS
+from .options import AOVS, BACKENDS, COMPRESSIONS, CULLS, FILTERS
 
 COMPLEXITIES = {"low": 1.0, "medium": 0.7, "high": 0.5, "veryhigh": 0.25}
 """Factor on the shading rate. Subdivision surfaces are limit surfaces at every complexity."""
@@ -208,6 +208,7 @@ def _add_render_flags(group) -> None:
         help="in time codes relative to the frame, in place of the camera's",
     )
     add("--curves", choices=tuple(FORMS), help="what curves without normals become (auto)")
+    add("--cull", choices=tuple(CULLS), help="sides of surfaces that are not seen (none)")
     add("--no-motion-blur", action="store_true", help="everything as at the frame's own time")
     add("--no-defocus", action="store_true", help="a pinhole in place of the lens")
     add("--filter", choices=tuple(FILTERS), help="pixel filter (gaussian)")

@@ -35,6 +35,14 @@ AOVS = (
 )
 """AOVs that the renderer knows; it warns about others."""
 
+CULLS = {
+    "none": "NONE",
+    "back": "BACK",
+    "front": "FRONT",
+    "backUnlessDoubleSided": "BACK_UNLESS_DOUBLE_SIDED",
+}
+"""Sides of surfaces that rays pass through."""
+
 COMPRESSIONS = ("none", "rle", "zips", "zip", "piz")
 PIXEL_TYPES = ("half", "float")
 BACKENDS = {"auto": "AUTO", "cpu": "CPU", "gpu": "GPU"}
@@ -82,6 +90,8 @@ class Options:
     max_micropolygons: int | None = None
     curves: str = "auto"
     """A key of curves.FORMS: what curves without normals are rendered as."""
+    cull: str = "none"
+    """A key of CULLS."""
     compression: str = "zip"
     """Of EXR files."""
     pixel_type: str = "half"
@@ -127,6 +137,7 @@ class Options:
         require(0 <= self.seed < 1 << 32, "The seed must be from 0 to 4294967295.")
         require(0 <= self.threads <= 4096, "Threads must be from 0 (all) to 4096.")
         require(self.curves in FORMS, f"Curves must be one of {', '.join(FORMS)}.")
+        require(self.cull in CULLS, f"Culled sides must be one of {', '.join(CULLS)}.")
         require(bool(self.aovs), "At least one AOV must be asked for.")
         known = ("default", "proxy", "render", "guide")
         for purpose in self.purposes:

@@ -10,7 +10,7 @@ from .camera import CameraState, effective_shutter, find_camera, framing_camera,
 from .curves import FORMS
 from .errors import Interrupted, SceneError
 from .log import SceneLog
-from .options import BACKENDS, FILTERS, WINDOW_POLICIES, Options
+from .options import BACKENDS, CULLS, FILTERS, WINDOW_POLICIES, Options
 from .passes import PassCollections
 from .primvars import wanted_primvars
 from .scene import SceneSync
@@ -128,6 +128,7 @@ class Renderer:
             "fix_lens": options.lens_point is not None,
             "lens_point": options.lens_point or (0.0, 0.0),
             "curves": getattr(constants, f"TRZ_CURVES_{FORMS[options.curves]}"),
+            "cull": getattr(constants, f"TRZ_CULL_{CULLS[options.cull]}"),
             "backend": getattr(constants, f"TRZ_BACKEND_{BACKENDS[options.backend]}"),
         }
         if options.max_micropolygons is not None:

@@ -106,6 +106,7 @@ def flag_values(args) -> dict:
         "samples": args.samples,
         "shading_rate": args.shading_rate,
         "curves": args.curves,
+        "cull": args.cull,
         "shutter": tuple(args.shutter) if args.shutter else None,
         "filter": args.filter,
         "filter_width": args.filter_width,

@@ -94,6 +94,7 @@ TRAPEZE = {
     "samples": ("samples", _integer),
     "shadingRate": ("shading_rate", _number),
     "curves": ("curves", _word),
+    "cull": ("cull", _word),
     "filter": ("filter", _word),
     "filterWidth": ("filter_width", _number),
     "seed": ("seed", _integer),

@@ -270,6 +270,18 @@
 // Stretch.
 #define TRZ_WINDOW_DONT_CONFORM 4
 
+// Both sides of surfaces are seen.
+#define TRZ_CULL_NONE 0
+
+// Rays pass through backs.
+#define TRZ_CULL_BACK 1
+
+// Rays pass through fronts.
+#define TRZ_CULL_FRONT 2
+
+// Rays pass through backs, but for prims that are double-sided.
+#define TRZ_CULL_BACK_UNLESS_DOUBLE_SIDED 3
+
 // The library picks.
 #define TRZ_BACKEND_AUTO 0
 
@@ -823,6 +835,10 @@ typedef struct trz_settings {
   // 1: grids of instanced prims that an earlier commit made finer than they are needed now are kept, so
   // that edits show sooner; bits then depend on what was rendered before. 0: they do not.
   uint32_t keep_finer;
+  // TRZ_CULL_*: the sides of meshes, grids, NURBS patches and implicit prims that rays of the image
+  // pass through, as if they were not there. Fronts are as each prim's orientation has them, and
+  // stay in front where transforms mirror. Curves and points are always seen.
+  uint32_t cull;
 } trz_settings;
 
 // How far a render is.
@@ -1226,7 +1242,9 @@ trz_result trz_prim_set_motion(struct trz_session *session,
                                uint32_t nonlinear_sample_count);
 
 // Queues whether both sides of a prim's surface are outsides (USD's doubleSided): 1, or 0 (as
-// created).
+// created). The AOVs normal and Neye of a double-sided prim are those of the side that is seen, of
+// others those of the front from either side; and see TRZ_CULL_BACK_UNLESS_DOUBLE_SIDED. Colours do not
+// depend on it: both sides are lit.
 //
 // Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
 // TRZ_ERROR_POISONED. Threads: any.

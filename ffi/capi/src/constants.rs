@@ -182,6 +182,15 @@ pub const TRZ_WINDOW_CROP: u32 = 3;
 /// Stretch.
 pub const TRZ_WINDOW_DONT_CONFORM: u32 = 4;
 
+/// Both sides of surfaces are seen.
+pub const TRZ_CULL_NONE: u32 = 0;
+/// Rays pass through backs.
+pub const TRZ_CULL_BACK: u32 = 1;
+/// Rays pass through fronts.
+pub const TRZ_CULL_FRONT: u32 = 2;
+/// Rays pass through backs, but for prims that are double-sided.
+pub const TRZ_CULL_BACK_UNLESS_DOUBLE_SIDED: u32 = 3;
+
 /// The library picks.
 pub const TRZ_BACKEND_AUTO: u32 = 0;
 /// All on the CPU.

@@ -422,7 +422,9 @@ pub unsafe extern "C" fn trz_prim_set_motion(
 }
 
 /// Queues whether both sides of a prim's surface are outsides (USD's doubleSided): 1, or 0 (as
-/// created).
+/// created). The AOVs normal and Neye of a double-sided prim are those of the side that is seen, of
+/// others those of the front from either side; and see TRZ_CULL_BACK_UNLESS_DOUBLE_SIDED. Colours do not
+/// depend on it: both sides are lit.
 ///
 /// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
 /// TRZ_ERROR_POISONED. Threads: any.

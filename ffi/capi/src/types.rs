@@ -520,6 +520,10 @@ pub struct trz_settings {
     /// 1: grids of instanced prims that an earlier commit made finer than they are needed now are kept, so
     /// that edits show sooner; bits then depend on what was rendered before. 0: they do not.
     pub keep_finer: u32,
+    /// TRZ_CULL_*: the sides of meshes, grids, NURBS patches and implicit prims that rays of the image
+    /// pass through, as if they were not there. Fronts are as each prim's orientation has them, and
+    /// stay in front where transforms mirror. Curves and points are always seen.
+    pub cull: u32,
 }
 
 /// How far a render is.

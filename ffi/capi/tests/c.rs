@@ -124,7 +124,7 @@ fn all_layouts() -> Layouts {
             struct_size, width, height, data_window, pixel_aspect, window_policy, samples, shading_rate,
             filter, filter_width, seed, threads, override_shutter, shutter_open, shutter_close,
             disable_motion_blur, disable_defocus, camera_light, time_window, fix_lens, lens_point,
-            max_micropolygons, backend, curves, keep_finer,
+            max_micropolygons, backend, curves, keep_finer, cull,
         }
         trz_progress {
             struct_size, state, fraction, samples_done, samples_total, seconds, seconds_left,

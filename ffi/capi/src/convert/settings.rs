@@ -1,6 +1,6 @@
 //! Render settings: every field has a range.
 
-use hdtrapeze_core::scene::{CurveForm, FilterKind, RenderSettings, WindowPolicy};
+use hdtrapeze_core::scene::{Cull, CurveForm, FilterKind, RenderSettings, WindowPolicy};
 
 use super::scene::curve_form;
 use super::{pick, refuse};
@@ -31,6 +31,13 @@ const POLICIES: [WindowPolicy; 5] = [
     WindowPolicy::Fit,
     WindowPolicy::Crop,
     WindowPolicy::DontConform,
+];
+
+const CULLS: [Cull; 4] = [
+    Cull::None,
+    Cull::Back,
+    Cull::Front,
+    Cull::BackUnlessDoubleSided,
 ];
 
 pub(crate) fn settings(from: &trz_settings) -> Result<RenderSettings, Fault> {
@@ -89,6 +96,7 @@ pub(crate) fn settings(from: &trz_settings) -> Result<RenderSettings, Fault> {
         },
         curves: curve_form(from.curves, "curves")?.unwrap_or_default(),
         keep_finer: flag(from.keep_finer, "keep_finer")?,
+        cull: pick(&CULLS, from.cull, "cull")?,
         aovs: defaults.aovs,
     })
 }
@@ -190,6 +198,7 @@ pub(crate) fn settings_to_c(from: &RenderSettings) -> trz_settings {
             CurveForm::Tubes => TRZ_CURVES_TUBES,
         },
         keep_finer: from.keep_finer.into(),
+        cull: number(CULLS.iter().position(|&c| c == from.cull)),
     }
 }
 
@@ -213,6 +222,17 @@ mod tests {
     }
 
     #[test]
+    fn sides_come_back_as_they_went() {
+        for cull in CULLS {
+            let from = RenderSettings {
+                cull,
+                ..RenderSettings::default()
+            };
+            assert_eq!(settings(&settings_to_c(&from)).unwrap(), from);
+        }
+    }
+
+    #[test]
     fn every_setting_has_a_range() {
         assert!(!code(|s| s.width = 0));
         assert!(!code(|s| s.height = 65_537));
@@ -228,6 +248,7 @@ mod tests {
         assert!(!code(|s| s.backend = 3));
         assert!(!code(|s| s.curves = 4));
         assert!(code(|s| s.curves = TRZ_CURVES_TUBES));
+        assert!(!code(|s| s.cull = 4));
         assert!(!code(|s| s.camera_light = 2));
         assert!(!code(|s| s.data_window = [5, 5, 5, 9]));
         assert!(!code(|s| s.data_window = [5, 5, 9, 4]));
