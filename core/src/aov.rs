@@ -9,6 +9,7 @@
 //! | normal | 3 float | world-space shading normal (of the side that is seen where a prim is double-sided, else of the front), mean over the samples that hit | 0 |
 //! | Neye | 3 float | the same in camera space | 0 |
 //! | primId, instanceId, elementId | 1 int | as the host numbers them; elementId is the authored face; point-sampled | -1 |
+//! | subsetId | 1 int | number of the subset that the face is in, in its mesh's list: of the family materialBind, else of the first family; -1 in none; point-sampled | -1 |
 //! | motionVectors | 2 float | raster movement from shutter open to close, pixels, x right and y down, mean over the samples that hit | 0 |
 //! | sampleCount | 1 int | samples taken | 0 |
 //! | cost | 2 float | nodes opened and micropolygons tested, mean per sample | 0 |
@@ -43,6 +44,7 @@ pub enum Aov {
     PrimId,
     InstanceId,
     ElementId,
+    SubsetId,
     MotionVectors,
     SampleCount,
     Cost,
@@ -66,7 +68,7 @@ pub struct PrimvarAov {
 
 impl Aov {
     /// All but primvars.
-    pub const ALL: [Aov; 12] = [
+    pub const ALL: [Aov; 13] = [
         Aov::Color,
         Aov::Depth,
         Aov::CameraDepth,
@@ -76,6 +78,7 @@ impl Aov {
         Aov::PrimId,
         Aov::InstanceId,
         Aov::ElementId,
+        Aov::SubsetId,
         Aov::MotionVectors,
         Aov::SampleCount,
         Aov::Cost,
@@ -93,6 +96,7 @@ impl Aov {
             Aov::PrimId => "primId",
             Aov::InstanceId => "instanceId",
             Aov::ElementId => "elementId",
+            Aov::SubsetId => "subsetId",
             Aov::MotionVectors => "motionVectors",
             Aov::SampleCount => "sampleCount",
             Aov::Cost => "cost",
@@ -120,7 +124,9 @@ impl Aov {
     pub fn is_integer(&self) -> bool {
         match self {
             Aov::Primvar(primvar) => primvar.is_integer,
-            Aov::PrimId | Aov::InstanceId | Aov::ElementId | Aov::SampleCount => true,
+            Aov::PrimId | Aov::InstanceId | Aov::ElementId | Aov::SubsetId | Aov::SampleCount => {
+                true
+            }
             _ => false,
         }
     }
@@ -134,7 +140,8 @@ impl Aov {
             | Aov::P
             | Aov::PrimId
             | Aov::InstanceId
-            | Aov::ElementId => true,
+            | Aov::ElementId
+            | Aov::SubsetId => true,
             _ => false,
         }
     }

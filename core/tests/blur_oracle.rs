@@ -166,6 +166,7 @@ fn scene(play: &Play, shift: f64) -> Scene {
         let geometry = Geometry::Mesh(MeshDesc {
             topology: Arc::new(topology),
             points,
+            ..MeshDesc::default()
         });
         scene.prims.insert(
             PrimId(i as u64 + 1),

@@ -82,6 +82,7 @@ fn scene(camera: &CameraDesc, moves: bool) -> Scene {
                 points: vec![Arc::new(points)],
                 ..PointsSamples::default()
             },
+            ..MeshDesc::default()
         });
         let prim = PrimDesc { common, geometry };
         scene.prims.insert(PrimId(i as u64 + 1), Arc::new(prim));

@@ -35,6 +35,7 @@ fn quad(path: &str, place: DVec3) -> PrimDesc {
             points: vec![Arc::new(points)],
             ..PointsSamples::default()
         },
+        ..MeshDesc::default()
     });
     let mut common = PrimCommon::new(path);
     common.transform = vec![moving(&[DMat4::from_translation(place)])];

@@ -40,6 +40,7 @@ fn square(orientation: Orientation) -> Geometry {
             ..MeshTopology::default()
         }),
         points: points(&corners.map(|(x, y)| Vec3::new(x, y, 0.0))),
+        ..MeshDesc::default()
     })
 }
 

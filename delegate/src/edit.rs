@@ -9,7 +9,7 @@ use std::sync::Arc;
 use hdtrapeze_core::scene::{
     CameraDesc, CurvesDesc, Geometry, GridsDesc, ImplicitDesc, InstanceArrays, InstancerDesc,
     MeshDesc, NurbsCurvesDesc, NurbsPatchDesc, PointsSamples, PrimCommon, PrimDesc, PrimId,
-    PrimvarDesc, PrototypeOf, RenderSettings, Scene, SpheresDesc, TransformSamples,
+    PrimvarDesc, PrototypeOf, RenderSettings, Scene, SpheresDesc, SubsetDesc, TransformSamples,
 };
 use hdtrapeze_core::surface::MeshTopology;
 
@@ -43,6 +43,8 @@ pub enum Kind {
 pub enum Edit {
     /// A mesh's topology.
     Topology(Arc<MeshTopology>),
+    /// A mesh's subsets.
+    Subsets(Arc<Vec<SubsetDesc>>),
     /// Points of a mesh, NURBS patch, of curves or spheres.
     Points(PointsSamples),
     /// A cube, sphere and so on.
@@ -83,7 +85,7 @@ impl Edit {
     /// Whether a prim of this kind can be edited so.
     fn fits(&self, kind: Kind) -> bool {
         match self {
-            Edit::Topology(_) => kind == Kind::Mesh,
+            Edit::Topology(_) | Edit::Subsets(_) => kind == Kind::Mesh,
             Edit::Points(_) => matches!(
                 kind,
                 Kind::Mesh | Kind::NurbsPatch | Kind::NurbsCurves | Kind::Curves | Kind::Spheres
@@ -353,6 +355,7 @@ fn edit_prim(prim: &mut PrimDesc, edit: Edit) {
     let common = &mut prim.common;
     match (edit, &mut prim.geometry) {
         (Edit::Topology(topology), Geometry::Mesh(mesh)) => mesh.topology = topology,
+        (Edit::Subsets(subsets), Geometry::Mesh(mesh)) => mesh.subsets = subsets,
         (Edit::Points(new), geometry) => {
             if let Some(points) = geometry.points_mut() {
                 *points = new;

@@ -9,7 +9,7 @@ use crate::diagnostics::Warning;
 use crate::motion::Shutter;
 use crate::scene::{
     CurvesDesc, Geometry, GridsDesc, ImplicitDesc, MeshDesc, NurbsCurvesDesc, NurbsPatchDesc,
-    PointsSamples,
+    PointsSamples, SubsetDesc,
 };
 use crate::surface::MeshTopology;
 use crate::translate::grids;
@@ -19,6 +19,7 @@ use crate::translate::nurbs;
 use crate::translate::nurbs_curves;
 use crate::translate::points::{Bends, PointKeys, point_keys};
 use crate::translate::primvar::Counts;
+use crate::translate::subsets;
 
 /// Keys of paths that accelerations bend: the text must not depend on how near the camera is.
 const BENDS: Bends<'_> = Bends::Samples(3);
@@ -71,8 +72,27 @@ fn mesh(
     if mesh.elements.len() != mesh.authored_faces {
         page.line(&format!("authored faces kept {}", integers(&mesh.elements)));
     }
+    for subset in desc.subsets.iter() {
+        write_subset(page, subset);
+    }
+    let mut faults = Vec::new();
+    subsets::check(path, &desc.subsets, mesh.authored_faces, &mut faults);
+    let named = |w: Warning| Warning::new(path, w.code, format!("{}: {}", w.prim, w.text));
+    warnings.extend(faults.into_iter().map(named));
     points(page, &mesh.points);
     Some(mesh.primvar_counts())
+}
+
+fn write_subset(page: &mut Page, subset: &SubsetDesc) {
+    let indices: Vec<f64> = subset.indices.iter().map(|&i| i.into()).collect();
+    page.line(&format!(
+        "subset {} family {:?} {:?}, {} {}",
+        subset.path,
+        subset.family,
+        subset.family_type,
+        subset.element.plural(),
+        array(&indices, 1)
+    ));
 }
 
 fn topology(page: &mut Page, topology: &MeshTopology) {

@@ -18,7 +18,9 @@ use std::sync::Arc;
 use crate::diagnostics::Warning;
 use crate::motion::{Hierarchy, Shutter};
 use crate::render::resolve_shutter;
-use crate::scene::{CameraDesc, InstancerDesc, PrimDesc, RenderSettings, Scene, TransformSamples};
+use crate::scene::{
+    CameraDesc, Cull, InstancerDesc, PrimDesc, RenderSettings, Scene, TransformSamples,
+};
 use text::{Page, matrix, number, pair};
 
 /// Version of the format; the first line of every dump tells it.
@@ -104,6 +106,12 @@ fn write_settings(page: &mut Page, settings: &RenderSettings) {
             (settings.disable_motion_blur, "no motion blur"),
             (settings.disable_defocus, "no defocus"),
             (!settings.camera_light, "no camera light"),
+            (settings.cull == Cull::Back, "backs culled"),
+            (settings.cull == Cull::Front, "fronts culled"),
+            (
+                settings.cull == Cull::BackUnlessDoubleSided,
+                "backs culled unless double sided",
+            ),
         ];
         for (on, text) in switched {
             if on {

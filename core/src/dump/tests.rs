@@ -26,6 +26,7 @@ fn scene() -> Scene {
             points: vec![points(-1.0), points(1.0)],
             ..PointsSamples::default()
         },
+        ..MeshDesc::default()
     });
     let mut common = PrimCommon::new("/b");
     common.transform = vec![TransformSamples {

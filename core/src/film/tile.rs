@@ -33,6 +33,7 @@ pub struct FirstHit {
     pub prim_id: i32,
     pub instance_id: i32,
     pub element_id: i32,
+    pub subset_id: i32,
 }
 
 impl PrimvarSample {
@@ -71,6 +72,7 @@ struct Means {
 pub struct Keeps {
     color: bool,
     point: bool,
+    subsets: bool,
     means: bool,
     cost: bool,
     /// Values of primvar AOVs.
@@ -112,6 +114,7 @@ impl Keeps {
         Self {
             color: any(&|a| *a == Aov::Color),
             point: any(&Aov::is_point_sampled),
+            subsets: any(&|a| *a == Aov::SubsetId),
             means: any(&|a| matches!(a, Aov::Normal | Aov::Neye | Aov::MotionVectors)),
             cost: any(&|a| *a == Aov::Cost),
             primvars,
@@ -152,6 +155,7 @@ impl Keeps {
         let size = |keep: bool, bytes: usize| if keep { bytes } else { 0 };
         size(self.color, 40)
             + size(self.point, size_of::<PointSample>())
+            + size(self.subsets, size_of::<i32>())
             + size(self.means, size_of::<Means>())
             + size(self.cost, 16)
             + self.float_stride() * size_of::<f64>()
@@ -175,6 +179,8 @@ pub struct Tile {
     /// Weighted radiance and coverage, and the weights.
     color: Vec<[f64; 5]>,
     point: Vec<PointSample>,
+    /// Of the sample in `point`.
+    subsets: Vec<i32>,
     means: Vec<Means>,
     cost: Vec<[f64; 2]>,
     /// [`Keeps::float_stride`] sums a pixel.
@@ -201,6 +207,7 @@ impl Tile {
             samples: 0,
             color: vec![[0.0; 5]; count(keeps.color)],
             point: vec![no_point; count(keeps.point)],
+            subsets: vec![-1; count(keeps.subsets)],
             means: vec![Means::default(); count(keeps.means)],
             cost: vec![[0.0; 2]; count(keeps.cost)],
             primvar_sums: vec![0.0; n * keeps.float_stride()],
@@ -233,6 +240,9 @@ impl Tile {
                 hit,
             };
             is_point = true;
+            if let Some(subset) = self.subsets.get_mut(i) {
+                *subset = sample.first.map_or(-1, |h| h.subset_id);
+            }
         }
         if let (Some(means), Some(hit)) = (self.means.get_mut(i), &sample.first) {
             let values = hit.normal.iter().chain(&hit.n_eye).chain(&hit.motion);
@@ -305,8 +315,12 @@ impl Tile {
                 let own = &sums[primvar.first..][..primvar.components];
                 out.extend(own.iter().map(|s| (s / hits) as f32));
             }
-            Aov::PrimId | Aov::InstanceId | Aov::ElementId | Aov::SampleCount | Aov::Primvar(_) => {
-            }
+            Aov::PrimId
+            | Aov::InstanceId
+            | Aov::ElementId
+            | Aov::SubsetId
+            | Aov::SampleCount
+            | Aov::Primvar(_) => {}
         }
     }
 
@@ -317,6 +331,7 @@ impl Tile {
             Aov::PrimId => out.push(id(0)),
             Aov::InstanceId => out.push(id(1)),
             Aov::ElementId => out.push(id(2)),
+            Aov::SubsetId => out.push(self.subsets[i]),
             Aov::SampleCount => out.push(self.samples as i32),
             Aov::Primvar(primvar) if primvar.is_integer => {
                 let start = i * self.keeps.primvars.integers + primvar.first;

@@ -252,6 +252,7 @@ impl<'a> Integrator<'a> {
                 prim_id: prim.pick_id,
                 instance_id: world.instance_id(hit).unwrap_or(-1),
                 element_id: element as i32,
+                subset_id: prim.subset_of(element),
             }
         } else {
             FirstHit::default()

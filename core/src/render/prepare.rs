@@ -18,11 +18,12 @@ use crate::diagnostics::{Code, Warning};
 use crate::effects::{EffectPlan, TimePlan};
 use crate::memory;
 use crate::motion::Shutter;
-use crate::scene::{CameraDesc, Cull, PrimDesc, PrimId, RenderSettings, Scene};
+use crate::scene::{CameraDesc, Cull, Geometry, PrimDesc, PrimId, RenderSettings, Scene};
 use crate::surface::SubdivisionFactory;
 use crate::trace::{Culled, Side, Winding, World, WorldSet};
 use crate::translate::instancer::Instancer;
 use crate::translate::points::Bends;
+use crate::translate::subsets::subset_of_faces;
 
 /// Why a scene cannot be prepared at all.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
@@ -229,12 +230,20 @@ pub fn prepare_with(
         };
         cache.insert(*id, entry);
         let path = desc.common.path.clone();
+        let subsets = match &desc.geometry {
+            Geometry::Mesh(mesh) if aovs.contains(&Aov::SubsetId) => {
+                let faces = mesh.topology.face_vertex_counts.len();
+                subset_of_faces(&path, &mesh.subsets, faces, &mut warnings)
+            }
+            _ => Vec::new(),
+        };
         prims.push(PreparedPrim {
             path,
             pick_id: desc.common.pick_id,
             matte: desc.common.matte,
             double_sided: desc.common.double_sided,
             culled: culled_side(settings.cull, desc),
+            subsets,
             objects,
             primvars: Vec::new(),
         });

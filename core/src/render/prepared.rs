@@ -24,9 +24,19 @@ pub(super) struct PreparedPrim {
     pub double_sided: bool,
     /// The side that rays pass through.
     pub culled: Option<Side>,
+    /// Of each authored face the number of its subset, or -1; empty where the AOV is not asked for, or
+    /// there are none.
+    pub subsets: Vec<i32>,
     pub objects: Arc<PrimObjects>,
     /// The primvar of each of [`Prepared::primvar_aovs`], in their order.
     pub primvars: Vec<Option<Arc<Source>>>,
+}
+
+impl PreparedPrim {
+    /// The number of the subset that an authored face is in, or -1.
+    pub fn subset_of(&self, element: u32) -> i32 {
+        self.subsets.get(element as usize).copied().unwrap_or(-1)
+    }
 }
 
 /// One entry a set of instances of the world: which prim appears.

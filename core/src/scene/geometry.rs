@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
+use super::SubsetDesc;
 use crate::surface::{MeshTopology, Orientation};
 
 /// An array at several times. Arrays may differ in length between samples.
@@ -56,6 +57,8 @@ pub struct MeshDesc {
     pub topology: Arc<MeshTopology>,
     /// Points.
     pub points: PointsSamples,
+    /// Subsets of its faces; the AOV subsetId has their numbers in this list.
+    pub subsets: Arc<Vec<SubsetDesc>>,
 }
 
 /// Grids that the host has diced itself.

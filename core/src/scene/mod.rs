@@ -11,6 +11,7 @@ pub mod instancer;
 pub mod prim;
 pub mod primvar;
 pub mod settings;
+pub mod subset;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -27,6 +28,7 @@ pub use instancer::{InstanceArrays, InstancerDesc, PrototypeOf};
 pub use prim::{PrimCommon, PrimDesc, TransformSamples};
 pub use primvar::{Interpolation, PrimvarDesc, PrimvarRole, PrimvarSample, PrimvarValues};
 pub use settings::{Cull, FilterKind, RenderSettings, WindowPolicy};
+pub use subset::{FamilyType, SubsetDesc, SubsetElement};
 
 /// Identifies a prim for the life of a scene; never reused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]

@@ -252,6 +252,7 @@ mod tests {
                 points: vec![Arc::new(points)],
                 ..PointsSamples::default()
             },
+            ..MeshDesc::default()
         }
     }
 

@@ -3,7 +3,7 @@
 //! or dropped with one warning, and nothing that is not finite goes further.
 //!
 //! `blur` scales the shutter for a prim, `points` makes keys of samples and rates, `mesh` checks
-//! topology, `curves` curves, `nurbs` patches, `nurbs_curves` makes curves of NURBS, `implicit` sizes; `primvar` resolves one primvar of a mesh, `values` one of other kinds,
+//! topology, `curves` curves, `nurbs` patches, `nurbs_curves` makes curves of NURBS, `implicit` sizes, `subsets` subsets of faces; `primvar` resolves one primvar of a mesh, `values` one of other kinds,
 //! `route` decides how the prim reaches the world (flattened, or instanced), `measure` how large it
 //! is on screen.
 
@@ -20,4 +20,5 @@ pub mod points;
 pub mod primvar;
 pub mod route;
 pub mod spheres;
+pub mod subsets;
 pub mod values;

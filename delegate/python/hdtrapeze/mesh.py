@@ -12,6 +12,7 @@ from .guard import token
 from .log import SceneLog
 from .points import Points, read_points
 from .shutter import Shutter
+from .subsets import Subset, read_subsets
 
 SCHEMES = {
     "catmullClark": "CATMULL_CLARK",
@@ -61,6 +62,8 @@ class Mesh:
 
     topology: Topology
     points: Points
+    subsets: list[Subset] = field(default_factory=list)
+    subsets_vary: bool = False
     kind: str = "mesh"
 
     @property
@@ -72,15 +75,17 @@ class Mesh:
 
     @property
     def varies(self) -> bool:
-        """Whether topology or points may differ at another frame."""
-        return self.topology.varies or self.points.varies
+        """Whether topology, points or subsets may differ at another frame."""
+        return self.topology.varies or self.points.varies or self.subsets_vary
 
     def send(self, session, prim: int, before: "Mesh | None") -> None:
-        """Sends topology and points, as far as `before` had others."""
+        """Sends topology, points and subsets, as far as `before` had others."""
         if before is None or before.topology is not self.topology:
             session.set_topology(prim, self.topology)
         if before is None or before.points is not self.points:
             session.set_points(prim, self.points)
+        if before is None or before.subsets is not self.subsets:
+            session.set_subsets(prim, self.subsets)
 
 
 def read_mesh(prim: Usd.Prim, shutter: Shutter, log: SceneLog, before: Mesh | None) -> Mesh:
@@ -92,7 +97,9 @@ def read_mesh(prim: Usd.Prim, shutter: Shutter, log: SceneLog, before: Mesh | No
     points = before.points if before else None
     if points is None or points.varies or topology.varies:
         points = read_points(mesh, shutter, topology.varies, log)
-    return Mesh(topology, points)
+    if before and not before.subsets_vary:
+        return Mesh(topology, points, before.subsets)
+    return Mesh(topology, points, *read_subsets(prim, shutter.time, log))
 
 
 ARRAYS = {

@@ -29,6 +29,7 @@ AOVS = (
     "primId",
     "instanceId",
     "elementId",
+    "subsetId",
     "motionVectors",
     "sampleCount",
     "cost",

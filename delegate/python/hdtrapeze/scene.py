@@ -24,6 +24,7 @@ from .session import Session
 from .shapes import Shape, find_reader
 from .shutter import Shutter
 from .skel import Skinning
+from .subsets import warn_of_unused
 from .transforms import Level, TransformReader
 
 
@@ -478,6 +479,8 @@ class SceneSync:
             self.has_hidden = True  # nothing to say, nothing to draw
             return None
         if sent is None:
+            if shape.kind != "mesh":
+                warn_of_unused(prim, self._log)
             sent = _Sent(self._session.create(shape.kind, str(prim.GetPath())))
             self._sent[key] = sent
             # A prim that comes and goes keeps its number.

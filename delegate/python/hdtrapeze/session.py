@@ -24,6 +24,7 @@ from .nurbs_curves import NurbsBasis
 from .points import Points, Samples
 from .primvars import INTERPOLATIONS, NUMBERS, Primvar
 from .products import RenderVar
+from .subsets import ELEMENTS, FAMILIES, Subset
 from .transforms import Level
 
 ffi = native.ffi
@@ -85,6 +86,7 @@ class Session:
         self._lib = native.lib()
         self._constants = native.constants()
         self._log = log
+        self._with_subsets: set[int] = set()
         handle = ffi.new("trz_session **")
         native.check(self._lib.trz_session_create(handle))
         self._session = handle[0]
@@ -167,6 +169,22 @@ class Session:
             setattr(value, name, arrays.pointer(array))
             setattr(value, count, array.size)
         self._call("trz_mesh_set_topology", prim, value)
+
+    def set_subsets(self, prim: int, subsets: list[Subset]) -> None:
+        """Sets a mesh's subsets, as authored."""
+        if not subsets and prim not in self._with_subsets:
+            return
+        self._with_subsets.add(prim)
+        arrays = _Arrays()
+        values = arrays.keep(ffi.new("trz_subset[]", len(subsets)))
+        for value, subset in zip(values, subsets, strict=True):
+            value.path = arrays.keep(ffi.new("char[]", _text(subset.path)))
+            value.family = arrays.keep(ffi.new("char[]", _text(subset.family)))
+            value.family_type = self._value("FAMILY", FAMILIES[subset.family_type])
+            value.element_type = self._value("ELEMENT", ELEMENTS[subset.element])
+            value.indices = arrays.pointer(subset.indices)
+            value.index_count = subset.indices.size
+        self._call("trz_mesh_set_subsets", prim, values, len(subsets))
 
     def set_implicit(self, prim: int, implicit: Implicit) -> None:
         """Sets kind and sizes of an implicit prim."""

@@ -121,6 +121,30 @@
 // orientation leftHanded.
 #define TRZ_ORIENTATION_LEFT_HANDED 1
 
+// elementType face (USD's default).
+#define TRZ_ELEMENT_FACE 0
+
+// elementType point.
+#define TRZ_ELEMENT_POINT 1
+
+// elementType edge.
+#define TRZ_ELEMENT_EDGE 2
+
+// elementType segment.
+#define TRZ_ELEMENT_SEGMENT 3
+
+// elementType tetrahedron.
+#define TRZ_ELEMENT_TETRAHEDRON 4
+
+// familyType unrestricted (USD's default).
+#define TRZ_FAMILY_UNRESTRICTED 0
+
+// familyType nonOverlapping.
+#define TRZ_FAMILY_NON_OVERLAPPING 1
+
+// familyType partition.
+#define TRZ_FAMILY_PARTITION 2
+
 // type linear: the basis is not used.
 #define TRZ_BASIS_LINEAR 0
 
@@ -427,6 +451,22 @@ typedef struct trz_topology {
   // Length of corner_sharpnesses.
   size_t corner_sharpness_count;
 } trz_topology;
+
+// A subset of a mesh (UsdGeomSubset), as authored.
+typedef struct trz_subset {
+  // UTF-8; names it in messages.
+  const char *path;
+  // familyName, UTF-8; empty where it has none.
+  const char *family;
+  // TRZ_FAMILY_*; that of a family's first subset counts.
+  uint32_t family_type;
+  // TRZ_ELEMENT_*: what the indices number. Only subsets of faces are used.
+  uint32_t element_type;
+  // Its elements, at the frame.
+  const int32_t *indices;
+  // Number of indices.
+  size_t index_count;
+} trz_subset;
 
 // Basis, wrap and counts of curves. The primvar widths gives their diameters (1 where there is none),
 // normals makes flat ribbons of them that lie across these. Counts that basis and wrap cannot have
@@ -1080,6 +1120,19 @@ trz_result trz_mesh_create(struct trz_session *session, const char *path, trz_id
 trz_result trz_mesh_set_topology(struct trz_session *session,
                                  trz_id mesh,
                                  const struct trz_topology *topology);
+
+// Queues the subsets of a mesh, in place of those before; everything is copied, and the array may be
+// NULL where there are none. The AOV subsetId holds their numbers in it: of the family materialBind,
+// else of the family of the first subset of faces. Indices that are no faces or come twice, faces in two
+// subsets of a family whose type does not allow it, and faces that a partition lacks give warnings at
+// commit, with the subset's path; the rest counts, and where subsets overlap the first.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
+// TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_POISONED. Threads: any.
+trz_result trz_mesh_set_subsets(struct trz_session *session,
+                                trz_id mesh,
+                                const struct trz_subset *subsets,
+                                size_t subset_count);
 
 // Queues an empty prim of curves. path (UTF-8) names it in messages. Its points are set with
 // trz_prim_set_points, its widths and normals with trz_prim_set_primvar.

@@ -70,6 +70,24 @@ pub const TRZ_ORIENTATION_RIGHT_HANDED: u32 = 0;
 /// orientation leftHanded.
 pub const TRZ_ORIENTATION_LEFT_HANDED: u32 = 1;
 
+/// elementType face (USD's default).
+pub const TRZ_ELEMENT_FACE: u32 = 0;
+/// elementType point.
+pub const TRZ_ELEMENT_POINT: u32 = 1;
+/// elementType edge.
+pub const TRZ_ELEMENT_EDGE: u32 = 2;
+/// elementType segment.
+pub const TRZ_ELEMENT_SEGMENT: u32 = 3;
+/// elementType tetrahedron.
+pub const TRZ_ELEMENT_TETRAHEDRON: u32 = 4;
+
+/// familyType unrestricted (USD's default).
+pub const TRZ_FAMILY_UNRESTRICTED: u32 = 0;
+/// familyType nonOverlapping.
+pub const TRZ_FAMILY_NON_OVERLAPPING: u32 = 1;
+/// familyType partition.
+pub const TRZ_FAMILY_PARTITION: u32 = 2;
+
 /// type linear: the basis is not used.
 pub const TRZ_BASIS_LINEAR: u32 = 0;
 /// type cubic, basis bezier (USD's default).

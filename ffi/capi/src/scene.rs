@@ -80,6 +80,30 @@ pub unsafe extern "C" fn trz_mesh_set_topology(
     }
 }
 
+/// Queues the subsets of a mesh, in place of those before; everything is copied, and the array may be
+/// NULL where there are none. The AOV subsetId holds their numbers in it: of the family materialBind,
+/// else of the family of the first subset of faces. Indices that are no faces or come twice, faces in two
+/// subsets of a family whose type does not allow it, and faces that a partition lacks give warnings at
+/// commit, with the subset's path; the rest counts, and where subsets overlap the first.
+///
+/// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
+/// TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_POISONED. Threads: any.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trz_mesh_set_subsets(
+    session: *mut trz_session,
+    mesh: trz_id,
+    subsets: *const trz_subset,
+    subset_count: usize,
+) -> trz_result {
+    // SAFETY: the caller passes null or valid pointers.
+    unsafe {
+        edit(session, mesh, || {
+            let subsets = input::slice(subsets, subset_count, "subsets")?;
+            convert::subsets(subsets).map(Edit::Subsets)
+        })
+    }
+}
+
 /// Queues an empty prim of curves. path (UTF-8) names it in messages. Its points are set with
 /// trz_prim_set_points, its widths and normals with trz_prim_set_primvar.
 ///

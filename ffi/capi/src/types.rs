@@ -97,6 +97,24 @@ pub struct trz_topology {
     pub corner_sharpness_count: usize,
 }
 
+/// A subset of a mesh (UsdGeomSubset), as authored.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct trz_subset {
+    /// UTF-8; names it in messages.
+    pub path: *const c_char,
+    /// familyName, UTF-8; empty where it has none.
+    pub family: *const c_char,
+    /// TRZ_FAMILY_*; that of a family's first subset counts.
+    pub family_type: u32,
+    /// TRZ_ELEMENT_*: what the indices number. Only subsets of faces are used.
+    pub element_type: u32,
+    /// Its elements, at the frame.
+    pub indices: *const i32,
+    /// Number of indices.
+    pub index_count: usize,
+}
+
 /// Arrays of values at several times, of as many floats a value as the field that holds them says.
 /// All zero: none.
 #[repr(C)]

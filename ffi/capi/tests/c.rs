@@ -80,6 +80,7 @@ fn all_layouts() -> Layouts {
             crease_sharpness_count, corner_indices, corner_count, corner_sharpnesses,
             corner_sharpness_count,
         }
+        trz_subset { path, family, family_type, element_type, indices, index_count }
         trz_float_samples { times, sample_count, values, counts }
         trz_points {
             struct_size, times, sample_count, points, counts, velocities, accelerations,

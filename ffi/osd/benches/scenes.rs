@@ -235,6 +235,7 @@ fn mesh(path: String, topology: MeshTopology, points: PointsSamples) -> PrimDesc
     let geometry = Geometry::Mesh(MeshDesc {
         topology: Arc::new(topology),
         points,
+        ..MeshDesc::default()
     });
     PrimDesc {
         common: PrimCommon::new(path),

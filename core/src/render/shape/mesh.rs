@@ -15,6 +15,7 @@ use crate::surface::polygon::PolygonSurface;
 use crate::surface::{Channel, LimitSurface, Orientation, Scheme, SubdivisionFactory};
 use crate::translate::mesh::{CheckedMesh, check};
 use crate::translate::points::PointKeys;
+use crate::translate::subsets;
 
 struct Mesh {
     surface: Box<dyn LimitSurface>,
@@ -65,6 +66,7 @@ pub(super) fn make(
         context.bends,
         &mut out.warnings,
     )?;
+    subsets::check(path, &desc.subsets, mesh.authored_faces, &mut out.warnings);
     let spread = |resolved| mesh.spread(resolved);
     let counts = mesh.primvar_counts();
     let mut primvars = Primvars::new(&prim.common, counts, context.shutter, &spread);

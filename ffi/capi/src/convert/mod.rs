@@ -7,6 +7,7 @@ mod output;
 mod primvar;
 mod scene;
 mod settings;
+mod subset;
 
 use crate::fault::Fault;
 
@@ -16,6 +17,7 @@ pub(crate) use output::*;
 pub(crate) use primvar::*;
 pub(crate) use scene::*;
 pub(crate) use settings::*;
+pub(crate) use subset::*;
 
 /// The element of `values` that an enum-like field stands for.
 fn pick<T: Copy>(values: &[T], number: u32, what: &str) -> Result<T, Fault> {

@@ -27,6 +27,30 @@ fn unknown_and_unfit_ids() {
         fails(trz_camera_set(s, mesh, &lens), bad);
         fails(trz_mesh_set_topology(s, camera, &topology()), bad);
         fails(trz_implicit_set(s, mesh, &sphere()), bad);
+        fails(trz_mesh_set_subsets(s, camera, null(), 0), bad);
+        let known = subset(c"/mesh/a".as_ptr(), &[0]);
+        for wrong in [
+            trz_subset {
+                family_type: 3,
+                ..known
+            },
+            trz_subset {
+                element_type: 5,
+                ..known
+            },
+            trz_subset {
+                family: c"\xff".as_ptr(),
+                ..known
+            },
+            trz_subset {
+                index_count: usize::MAX,
+                ..known
+            },
+        ] {
+            let message = fails(trz_mesh_set_subsets(s, mesh, &wrong, 1), bad);
+            assert!(message.contains("subsets[0]."), "{message}");
+        }
+        ok(trz_mesh_set_subsets(s, mesh, &known, 1));
         fails(trz_nurbs_patch_set(s, mesh, &bilinear_patch()), bad);
         fails(trz_prim_set_visible(s, camera, 1), bad);
         fails(trz_prim_set_matte(s, camera, 1), bad);

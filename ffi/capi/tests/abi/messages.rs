@@ -110,6 +110,59 @@ fn warnings_of_a_commit_arrive_before_it_returns() {
     silence(&session);
 }
 
+#[test]
+fn subsets_are_told_by_their_own_paths_and_seen_in_their_aov() {
+    let session = Session::with_camera();
+    let received = Received::default();
+    listen(&session, &received, TRZ_LOG_WARN);
+    let mesh = session.square("/square", -0.5);
+    let subsets = [
+        subset(c"/square/points".as_ptr(), &[]),
+        subset(c"/square/all".as_ptr(), &[0, 7]),
+    ]
+    .map(|s| trz_subset {
+        family: c"materialBind".as_ptr(),
+        family_type: TRZ_FAMILY_PARTITION,
+        ..s
+    });
+    let points = trz_subset {
+        element_type: TRZ_ELEMENT_POINT,
+        ..subsets[0]
+    };
+    let subsets = [points, subsets[1]];
+    let aov = [c"subsetId".as_ptr()];
+    let mut ids = vec![-7i32; 32 * 32];
+    let mut render = || {
+        ok(session.start());
+        assert!(session.wait(-1.0));
+        let bytes = size_of_val(&*ids);
+        // SAFETY: a buffer of the size that is told.
+        ok(unsafe { trz_aov_read(session.0, aov[0], ids.as_mut_ptr().cast(), bytes) });
+        let seen = |id: i32| ids.contains(&id);
+        [-1, 0, 1].map(seen)
+    };
+    // SAFETY: pointers to live values.
+    unsafe {
+        ok(trz_session_set_aovs(session.0, aov.as_ptr(), 1));
+        ok(trz_mesh_set_subsets(session.0, mesh, subsets.as_ptr(), 2));
+    }
+    assert_eq!(render(), [true, false, true]);
+    let messages = received.take();
+    let of: Vec<_> = messages.iter().map(|m| (&*m.1, &*m.2)).collect();
+    assert_eq!(
+        of,
+        [
+            ("/square/points", "unsupported"),
+            ("/square/all", "topology")
+        ]
+    );
+    // SAFETY: a live session.
+    ok(unsafe { trz_mesh_set_subsets(session.0, mesh, std::ptr::null(), 0) });
+    assert_eq!(render(), [true, false, false]);
+    assert!(received.take().is_empty());
+    silence(&session);
+}
+
 /// What a callback that calls its own session sees.
 struct Nosy {
     session: *mut trz_session,

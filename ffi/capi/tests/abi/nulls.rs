@@ -27,6 +27,7 @@ fn null_session() {
         trz_session_set_log(s, None, null_mut(), 0);
         trz_mesh_create(s, c"/a".as_ptr(), &mut 0);
         trz_mesh_set_topology(s, 1, &topology());
+        trz_mesh_set_subsets(s, 1, null(), 0);
         trz_prim_set_points(s, 1, null());
         trz_grids_create(s, c"/a".as_ptr(), &mut 0);
         trz_grids_set(s, 1, null());
@@ -164,6 +165,18 @@ fn null_arguments() {
         range_count: 1,
         ..line()
     };
+    let no_subset_path = trz_subset {
+        path: null(),
+        ..subset(name, &[])
+    };
+    let no_family = trz_subset {
+        family: null(),
+        ..subset(name, &[])
+    };
+    let no_indices = trz_subset {
+        index_count: 1,
+        ..subset(name, &[])
+    };
     let no_times = trz_implicit {
         times: null(),
         ..sphere()
@@ -280,6 +293,10 @@ fn null_arguments() {
         trz_camera_create(s, name, null_mut());
         trz_mesh_set_topology(s, mesh, null());
         trz_mesh_set_topology(s, mesh, &bad_topology);
+        trz_mesh_set_subsets(s, mesh, null(), 1);
+        trz_mesh_set_subsets(s, mesh, &no_subset_path, 1);
+        trz_mesh_set_subsets(s, mesh, &no_family, 1);
+        trz_mesh_set_subsets(s, mesh, &no_indices, 1);
         trz_prim_set_points(s, mesh, null());
         trz_prim_set_points(s, mesh, &points);
         trz_prim_set_points(s, mesh, &no_counts);
@@ -384,6 +401,7 @@ fn empty_arrays_need_no_pointer() {
     // SAFETY: pointers to live values.
     unsafe {
         ok(trz_mesh_set_topology(session.0, mesh, &topology()));
+        ok(trz_mesh_set_subsets(session.0, mesh, null(), 0));
         ok(trz_prim_set_points(session.0, mesh, &no_points()));
         ok(trz_grids_set(session.0, grids, &empty_grids));
         let no_curves = session.curves("/no curves");

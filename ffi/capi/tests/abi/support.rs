@@ -282,6 +282,22 @@ pub fn no_points() -> trz_points {
     }
 }
 
+/// A subset of faces without a family.
+pub fn subset(path: *const c_char, indices: &[i32]) -> trz_subset {
+    trz_subset {
+        path,
+        family: c"".as_ptr(),
+        family_type: TRZ_FAMILY_UNRESTRICTED,
+        element_type: TRZ_ELEMENT_FACE,
+        indices: if indices.is_empty() {
+            null()
+        } else {
+            indices.as_ptr()
+        },
+        index_count: indices.len(),
+    }
+}
+
 pub fn curves() -> trz_curves {
     trz_curves {
         struct_size: size_of::<trz_curves>() as u32,
