@@ -2,16 +2,19 @@
 
 mod lattice;
 
-use glam::{DVec2, DVec3, Vec3};
-use hdtrapeze_core::dice::{DiceInput, DiceOutput, RasterMetric, dice};
+use glam::{DAffine3, DVec2, DVec3, Vec2, Vec3};
+use hdtrapeze_core::dice::{DiceInput, DiceOutput, RasterMetric, RasterView, dice};
 use hdtrapeze_core::grid::octahedral;
 use hdtrapeze_core::motion::{PointPath, Shutter};
 use hdtrapeze_core::scene::{Axis, ImplicitDesc, ImplicitKind};
+use hdtrapeze_core::surface::{
+    ChannelInfo, LimitEvaluator, LimitSamples, LimitSurface, PatchDomain,
+};
 use hdtrapeze_core::translate::implicit::{CheckedImplicit, check};
 use lattice::{area_and_volume, camera, open_edges};
 use proptest::prelude::*;
 use std::f64::consts::PI;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 fn make(kind: ImplicitKind, axis: Axis, sizes: &[[f64; 3]]) -> CheckedImplicit {
     let desc = ImplicitDesc {
@@ -235,4 +238,107 @@ fn normals_at_the_tip_of_a_cone_are_those_of_its_side() {
     around.sort_by(f32::total_cmp);
     let gap = around.windows(2).map(|w| w[1] - w[0]).fold(0.0, f32::max);
     assert!(gap < 0.5, "normals turn by up to {gap} at once");
+}
+
+/// A camera at `z`, looking down -z, with a small image.
+fn small_image(z: f64, pixels: f32, orthographic: bool, near: f32) -> RasterMetric {
+    let view = RasterView {
+        world_to_camera: DAffine3::from_translation(DVec3::new(0.0, 0.0, -z)),
+        scale: Vec2::splat(pixels),
+        centre: Vec2::new(32.0, 18.0),
+        orthographic,
+        near,
+        size: Vec2::new(64.0, 36.0),
+    };
+    RasterMetric::new(&[vec![view]], DVec3::ZERO)
+}
+
+#[test]
+fn what_reaches_far_beyond_the_image_stays_cheap() {
+    let around = make(ImplicitKind::Sphere, Axis::Z, &[[1.0e8, 0.0, 0.0]]);
+    let long_lens = diced(&around, &small_image(10.0, 1.5e4, false, 0.1), 1.0);
+    let wide = make(ImplicitKind::Cylinder, Axis::Z, &[[1.0, 1.0e4, 1.0e4]]);
+    let orthographic = diced(&wide, &small_image(10.0, 30.0, true, 0.1), 1.0);
+    for output in [long_lens, orthographic] {
+        assert!(!output.coarsened);
+        let cells = output.mesh.cell_count();
+        assert!((64 * 36 / 2..100_000).contains(&cells), "{cells}");
+    }
+}
+
+/// A surface that counts what is asked of it.
+struct Counting<'a>(&'a dyn LimitSurface, AtomicU64);
+
+impl LimitSurface for Counting<'_> {
+    fn face_count(&self) -> usize {
+        self.0.face_count()
+    }
+    fn face_vertices(&self, face: u32) -> &[u32] {
+        self.0.face_vertices(face)
+    }
+    fn element(&self, face: u32) -> u32 {
+        self.0.element(face)
+    }
+    fn key_count(&self) -> usize {
+        self.0.key_count()
+    }
+    fn channels(&self) -> &[ChannelInfo] {
+        self.0.channels()
+    }
+    fn is_polygonal(&self) -> bool {
+        self.0.is_polygonal()
+    }
+    fn evaluator(&self) -> Box<dyn LimitEvaluator + '_> {
+        Box::new(CountingEvaluator(self.0.evaluator(), &self.1))
+    }
+}
+
+struct CountingEvaluator<'a>(Box<dyn LimitEvaluator + 'a>, &'a AtomicU64);
+
+impl LimitEvaluator for CountingEvaluator<'_> {
+    fn bind(&mut self, face: u32) {
+        self.0.bind(face);
+    }
+    fn evaluate(
+        &mut self,
+        domain: PatchDomain,
+        st: &[Vec2],
+        normals: bool,
+        out: &mut LimitSamples,
+    ) {
+        self.1.fetch_add(st.len() as u64, Ordering::Relaxed);
+        self.0.evaluate(domain, st, normals, out);
+    }
+    fn evaluate_channel(
+        &mut self,
+        channel: usize,
+        domain: PatchDomain,
+        st: &[Vec2],
+        out: &mut Vec<f32>,
+    ) {
+        self.0.evaluate_channel(channel, domain, st, out);
+    }
+}
+
+/// Domes with a radius of 2e10, whose points f32 holds to two thousand only: no rate tames them.
+#[test]
+fn what_f32_cannot_hold_ends_soon() {
+    const MOST: u64 = 10_000;
+    let sizes = [2.420_366, 221_092.65, 444.633_95];
+    let shape = make(ImplicitKind::Capsule, Axis::X, &[sizes]);
+    let surface = Counting(shape.surface.as_ref(), AtomicU64::new(0));
+    let output = dice(&DiceInput {
+        surface: &surface,
+        path: &PointPath::identity(&shape.points.times, DVec3::ZERO),
+        metric: &small_image(10.0, 152.0, false, 1.0e-6),
+        shading_rate: 1.0,
+        with_normals: true,
+        polygons_coarse: true,
+        max_micropolygons: MOST,
+        cancel: &AtomicBool::new(false),
+    })
+    .expect("dicing");
+    assert!(output.coarsened && output.mesh.cell_count() <= MOST as usize);
+    let asked = surface.1.load(Ordering::Relaxed);
+    assert!(asked < 60 * MOST, "{asked}");
 }

@@ -695,7 +695,7 @@ def mistyped_bind_transforms(stage):
     spec.RemoveProperty(spec.attributes["bindTransforms"])
     attribute = Sdf.AttributeSpec(spec, "bindTransforms", Sdf.ValueTypeNames.Float)
     attribute.default = 1.0
-    return "/arm/skeleton", "bindTransforms has another type"
+    return "/arm/skeleton", "bindTransforms has the type float, where matrix4d[]"
 
 
 def bind_transforms_of_another_length(stage):
@@ -750,7 +750,7 @@ def wrong_type(stage):
     attribute.default = Vt.StringArray(["a"])
     attribute.SetInfo("interpolation", "vertex")
     attribute.SetInfo("elementSize", 2)
-    return "/arm/strip", "another type"
+    return "/arm/strip", "primvars:skel:jointIndices has the type string[], where int[]"
 
 
 def with_blend_shape(stage):

@@ -184,8 +184,8 @@ def test_attributes_of_other_types(scene, capsys):
     lines = warnings(capsys)
     assert len(lines) == 3, lines
     for path, word in (
-        ("/Render/settings", "'large'"),
-        ("/Render/settings", "'yes'"),
+        ("/Render/settings", "resolution has the type string, where int2"),
+        ("/Render/settings", "disableMotionBlur has the type string"),
         ("/Render/Vars/depth", "sourceName is 3"),
     ):
         assert any(line.startswith(f"{path}: ") and word in line for line in lines), lines

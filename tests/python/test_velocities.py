@@ -163,7 +163,7 @@ def far_too_fast(stage, quad):
     [
         (wrong_lengths, "3 velocities for 4 values"),
         (wrong_times, "other sample times"),
-        (wrong_type, "velocities are ignored"),
+        (wrong_type, "velocities has the type string, where vector3f[] is expected"),
         (no_seconds, "time codes a second"),
         (no_times, "no time samples"),
         (not_finite, "velocities or accelerations of 4 points are not finite"),

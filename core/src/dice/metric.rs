@@ -3,8 +3,9 @@
 //! **What the camera sees** is measured as it is projected, foreshortening included. **What it
 //! cannot see** (segments wholly beyond one side of the image, or nearer than the near depth) is
 //! measured by the angle under which it stands, which stays finite for geometry beside and behind
-//! the camera, and counts [`OFF_SCREEN`] times as much as it would in the image. A segment that
-//! pierces the near depth inside the image is measured as if it stood there: such segments are
+//! the camera, and counts [`OFF_SCREEN`] times as much as it would in the image, and less the farther
+//! it is from the image: what surrounds the camera of a long lens costs little more than what is seen
+//! of it. A segment that pierces the near depth inside the image is measured as if it stood there: such segments are
 //! long, so dicing bisects them until their pieces are on one side or tiny.
 
 use glam::{DAffine3, DVec3, Mat3, Vec2, Vec3};
@@ -29,6 +30,9 @@ pub struct RasterView {
 
 /// Weight of a pixel outside the image: dicing there is 8 times as coarse in each direction.
 pub const OFF_SCREEN: f32 = 1.0 / 8.0;
+
+/// What is this many diagonals of the image (halved, with its margin) away from it counts half of that.
+const FALLOFF: f32 = 2.0;
 
 /// The image is taken to reach this share of its half size further on each side...
 const MARGIN_SHARE: f32 = 0.1;
@@ -87,6 +91,10 @@ struct LocalView {
     extent: Vec2,
     /// Pixels per radian off screen.
     angular: f32,
+    /// Angle from the axis to the farthest corner of the extent; a quarter turn where there is none.
+    half_view: f32,
+    /// Pixels from the image at which what is off screen counts half.
+    falloff: f32,
 }
 
 /// A position ready to be measured from.
@@ -187,17 +195,36 @@ impl LocalView {
         let m = &view.world_to_camera;
         let reach = view.reach();
         let bounded = view.size.min_element() > 0.0 && reach.is_finite();
+        let extent = if bounded {
+            reach * (1.0 + MARGIN_SHARE) + MARGIN_PIXELS
+        } else {
+            Vec2::INFINITY
+        };
         Self {
             rotation: m.matrix3.as_mat3(),
             translation: m.transform_point3(origin).as_vec3(),
             view: *view,
-            extent: if bounded {
-                reach * (1.0 + MARGIN_SHARE) + MARGIN_PIXELS
-            } else {
-                Vec2::INFINITY
-            },
+            extent,
             angular: view.scale.max_element() * if bounded { OFF_SCREEN } else { 1.0 },
+            half_view: (extent / view.scale).length().atan(),
+            falloff: FALLOFF * extent.length(),
         }
+    }
+
+    /// How much less what is off screen counts, `away` pixels from the image.
+    fn fade(&self, away: f32) -> f32 {
+        (1.0 + away.max(0.0) / self.falloff).recip()
+    }
+
+    /// Pixels from the image to a direction, round about the axis.
+    fn angle_away(&self, direction: Vec3) -> f32 {
+        let angle = direction.truncate().length().atan2(-direction.z);
+        (angle - self.half_view) * self.view.scale.max_element()
+    }
+
+    /// Pixels from the image to a position, orthographic.
+    fn distance_away(&self, p: Vec3) -> f32 {
+        ((p.truncate() * self.view.scale).abs() - self.extent).max_element()
     }
 
     fn measure(&self, position: Vec3) -> Measured {
@@ -230,12 +257,17 @@ impl LocalView {
         let off_screen = a.outside & b.outside != 0;
         let (a, b) = (a.p, b.p);
         if view.orthographic {
-            let weight = if off_screen { OFF_SCREEN } else { 1.0 };
+            let weight = if off_screen {
+                OFF_SCREEN * self.fade(self.distance_away(a).min(self.distance_away(b)))
+            } else {
+                1.0
+            };
             return ((b - a).truncate() * view.scale).length() * weight;
         }
         if off_screen {
             let (a, b) = (direction(a), direction(b));
-            return a.cross(b).length().atan2(a.dot(b)) * self.angular;
+            let away = self.angle_away(a).min(self.angle_away(b));
+            return a.cross(b).length().atan2(a.dot(b)) * self.angular * self.fade(away);
         }
         let (da, db) = (-a.z, -b.z);
         if da >= view.near && db >= view.near {
@@ -283,12 +315,37 @@ mod tests {
     #[test]
     fn what_is_not_seen_is_an_angle() {
         let metric = RasterMetric::new(&[vec![view()]], DVec3::ZERO);
-        // A quarter turn behind the camera.
+        // A quarter turn behind the camera: an angle, which counts less the farther it is.
         let l = metric.length(0, Vec3::new(-3.0, 0.0, 3.0), Vec3::new(7.0, 0.0, 7.0));
-        assert!((l - std::f32::consts::FRAC_PI_2 * 125.0).abs() < 1.0e-2);
+        assert!(l < std::f32::consts::FRAC_PI_2 * 125.0);
+        let image = Vec2::new(368.0, 280.0); // half, with the margin
+        let half_view = (image / 1000.0).length().atan();
+        let away = 1000.0 * (0.75 * std::f32::consts::PI - half_view);
+        let fade = 1.0 / (1.0 + away / (FALLOFF * image.length()));
+        assert!((l - std::f32::consts::FRAC_PI_2 * 125.0 * fade).abs() < 1.0e-2);
         // To the left of the image, from before to behind the camera.
         let l = metric.length(0, Vec3::new(-5.0, 0.0, -1.0), Vec3::new(-5.0, 0.0, 1.0));
         assert!(l < 2.0 * 0.21 * 125.0);
+    }
+
+    #[test]
+    fn beside_the_image_an_eighth_counts_and_far_from_it_less() {
+        let mut orthographic = view();
+        orthographic.orthographic = true;
+        for view in [view(), orthographic] {
+            let metric = RasterMetric::new(&[vec![view]], DVec3::ZERO);
+            let pixels = |x: f32| {
+                let a = Vec3::new(x, 0.0, -1.0);
+                metric.length(0, a, a + Vec3::Y * 1.0e-3)
+            };
+            assert!((pixels(0.3) - 1.0).abs() < 1.0e-3);
+            let [near, far] = [pixels(0.4), pixels(400.0)];
+            assert!((0.1..0.125).contains(&near), "{near}");
+            assert!(far < 0.25 * near, "{far}");
+            // From either end.
+            let (a, b) = (Vec3::new(0.5, 0.0, -1.0), Vec3::new(3.0, 0.0, 1.0));
+            assert_eq!(metric.length(0, a, b), metric.length(0, b, a));
+        }
     }
 
     #[test]

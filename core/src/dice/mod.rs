@@ -31,7 +31,7 @@
 //! turn out too long: on most meshes nothing is evaluated twice.
 //!
 //! **Bounds.** Trees and patches are bisected at most `MAX_DEPTH` times in each direction, what the camera
-//! cannot see is measured by angle and counts an eighth, and above
+//! cannot see is measured by angle and counts an eighth or less, and above
 //! [`DiceInput::max_micropolygons`] the shading rate is made coarser and dicing starts again. A face
 //! with a position that is not finite is dropped and counted.
 //!
@@ -134,7 +134,8 @@ impl From<std::collections::TryReserveError> for DiceError {
     }
 }
 
-/// The rate is coarsened by at least this factor at a time.
+/// The rate is coarsened by at least this factor at first, and by the square of the factor before where
+/// that did not help: what does not get simpler (a surface that f32 cannot hold) ends soon.
 const COARSEN: f32 = 1.25;
 /// Rates above this are longer than anything the metric reports.
 const COARSEST: f32 = 1.0e10;
@@ -152,6 +153,7 @@ pub fn dice(input: &DiceInput<'_>) -> Result<DiceOutput, DiceError> {
     }
     let base = BaseMesh::new(input.surface)?;
     let mut rate = input.shading_rate;
+    let mut least = COARSEN;
     let mut evaluations = 0;
     loop {
         // At the coarsest rate there is one cell a patch: nothing more can be saved.
@@ -176,7 +178,8 @@ pub fn dice(input: &DiceInput<'_>) -> Result<DiceOutput, DiceError> {
         };
         let factor = excess.sqrt();
         // Nothing sensible is so far off: end with one cell a patch.
-        rate *= factor.max(COARSEN);
+        rate *= factor.max(least);
+        least *= least;
         if rate > input.shading_rate * 1.0e5 || !rate.is_finite() {
             rate = COARSEST;
         }

@@ -19,6 +19,20 @@ pub fn usable(p: Vec3) -> bool {
     p.is_finite() && p.abs().max_element() < LARGEST_COORDINATE
 }
 
+/// What is wrong with those of `points`, at all keys, that are not [`usable`].
+pub fn fault(points: &[Vec<Vec3>]) -> String {
+    let unusable = || points.iter().flatten().filter(|p| !usable(**p));
+    let far = format!("beyond the largest coordinate, {LARGEST_COORDINATE:e}");
+    match (
+        unusable().any(|p| !p.is_finite()),
+        unusable().any(|p| p.is_finite()),
+    ) {
+        (true, true) => format!("not finite or {far}"),
+        (true, false) => "not finite".to_owned(),
+        (false, _) => far,
+    }
+}
+
 /// The samples on either side of the frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bracket {
@@ -252,6 +266,19 @@ mod tests {
                 time_codes_per_second: 24.0,
             },
         }
+    }
+
+    #[test]
+    fn faults_are_told_apart() {
+        let nan = Vec3::new(0.0, f32::NAN, 0.0);
+        let far = Vec3::new(0.0, 0.0, -1.0e30);
+        let tell = |points: &[Vec3]| fault(&[vec![Vec3::ZERO], points.to_vec()]);
+        assert_eq!(tell(&[nan]), "not finite");
+        assert_eq!(tell(&[far]), "beyond the largest coordinate, 1e12");
+        assert_eq!(
+            tell(&[far, nan]),
+            "not finite or beyond the largest coordinate, 1e12"
+        );
     }
 
     #[test]

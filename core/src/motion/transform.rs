@@ -25,9 +25,12 @@ struct Level {
 /// Why a hierarchy cannot be used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum TransformError {
-    /// A matrix has an entry that is not finite, or so large that f32 would overflow.
+    /// A matrix has an entry that is not finite.
     #[error("its transform is not finite")]
     NotFinite,
+    /// A matrix has an entry so large that f32 would overflow.
+    #[error("its transform has numbers beyond {LARGEST_ENTRY:e}")]
+    TooLarge,
     /// A level has no sample with a finite time.
     #[error("its transform has no usable time sample")]
     NoSamples,
@@ -74,7 +77,12 @@ impl Hierarchy {
     ) -> Result<(), TransformError> {
         let matrices: Vec<DAffine3> = matrices.iter().map(affine).collect();
         if !matrices.iter().all(is_usable) {
-            return Err(TransformError::NotFinite);
+            let finite = matrices.iter().all(DAffine3::is_finite);
+            return Err(if finite {
+                TransformError::TooLarge
+            } else {
+                TransformError::NotFinite
+            });
         }
         let count = times.len().min(matrices.len());
         let timeline = Timeline::new(&times[..count], shutter).ok_or(TransformError::NoSamples)?;
@@ -310,7 +318,7 @@ mod tests {
         let huge = level(&[0.0], &[DMat4::from_scale(DVec3::splat(1e30))]);
         assert_eq!(
             Hierarchy::new(&[huge], SHUTTER).unwrap_err(),
-            TransformError::NotFinite
+            TransformError::TooLarge
         );
         let none = level(&[], &[]);
         assert_eq!(

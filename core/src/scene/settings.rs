@@ -59,6 +59,13 @@ pub enum Cull {
     BackUnlessDoubleSided,
 }
 
+/// Micropolygons that one prim may have, in images that it fills so many times over...
+const LAYERS: f64 = 64.0;
+/// ...in addition so many for each base face...
+const CELLS_A_FACE: u64 = 8;
+/// ...and so many in any case.
+const LEAST_MICROPOLYGONS: u64 = 4_000_000;
+
 /// Settings of one render.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RenderSettings {
@@ -98,7 +105,8 @@ pub struct RenderSettings {
     /// A fixed point of the lens for every sample, in place of drawing one: in units of the round
     /// lens' radius, whatever the aperture's shape.
     pub lens_point: Option<[f32; 2]>,
-    /// Most micropolygons that dicing may make; beyond it rates are coarsened with a warning.
+    /// Most micropolygons that dicing may make of one prim; beyond it, and beyond what an image of this
+    /// size can show (see [`Self::most_micropolygons`]), rates are coarsened with a warning.
     pub max_micropolygons: u64,
     /// What curves without normals are rendered as, unless their prim says so itself.
     pub curves: CurveForm,
@@ -119,6 +127,21 @@ impl RenderSettings {
             .map(|x| i32::try_from(x).unwrap_or(i32::MAX));
         let image = [0, 0, width, height];
         self.data_window.map_or(image, |data| union(image, data))
+    }
+
+    /// Most micropolygons that dicing may make of one prim with `faces` base faces:
+    /// [`Self::max_micropolygons`], or fewer where no image of this size shows so many. Numbers that fail
+    /// to tell neighbouring points apart would else fill all of the memory.
+    pub fn most_micropolygons(&self, faces: usize) -> u64 {
+        let [x0, y0, x1, y1] = self.window().map(f64::from);
+        let visible = (x1 - x0) * (y1 - y0) / f64::from(self.shading_rate).powi(2);
+        // A float above the largest integer becomes that.
+        let layers = (visible * LAYERS) as u64;
+        let faces = (faces as u64).saturating_mul(CELLS_A_FACE);
+        let most = LEAST_MICROPOLYGONS
+            .saturating_add(layers)
+            .saturating_add(faces);
+        most.min(self.max_micropolygons)
     }
 }
 
@@ -157,5 +180,28 @@ impl Default for RenderSettings {
             cull: Cull::None,
             aovs: vec!["color".to_owned()],
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_prim_gets_more_micropolygons_than_its_image_can_show() {
+        let mut settings = RenderSettings {
+            resolution: [64, 36],
+            ..RenderSettings::default()
+        };
+        let least = settings.most_micropolygons(0);
+        assert_eq!(least, 4_000_000 + 64 * 64 * 36);
+        assert_eq!(settings.most_micropolygons(1000), least + 8000);
+        settings.data_window = Some([-64, 0, 64, 36]);
+        assert_eq!(settings.most_micropolygons(0), least + 64 * 64 * 36);
+        settings.shading_rate = 1.0e-6;
+        assert_eq!(settings.most_micropolygons(0), settings.max_micropolygons);
+        settings.shading_rate = f32::MIN_POSITIVE;
+        settings.max_micropolygons = u64::MAX;
+        assert_eq!(settings.most_micropolygons(usize::MAX), u64::MAX);
     }
 }

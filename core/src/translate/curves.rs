@@ -7,7 +7,7 @@ use super::values::Counts;
 use crate::curve::CurveKind;
 use crate::diagnostics::{Code, Warning};
 use crate::motion::Shutter;
-use crate::motion::rates::usable;
+use crate::motion::rates::{fault, usable};
 use crate::scene::CurvesDesc;
 
 /// One curve of a prim, in the prim's arrays.
@@ -145,7 +145,10 @@ pub fn check(
     if not_finite > 0 {
         complain(
             Code::NotFinite,
-            format!("{not_finite} of {total} curves have points that are not finite; dropped"),
+            format!(
+                "{not_finite} of {total} curves have points that are {}; dropped",
+                fault(&points.points)
+            ),
         );
     }
     let stand_in = spans.first()?.first_point as usize;

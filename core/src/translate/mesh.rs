@@ -9,7 +9,7 @@ use glam::Vec3;
 use super::points::{Bends, PointKeys, point_keys};
 use crate::diagnostics::{Code, Warning};
 use crate::motion::Shutter;
-use crate::motion::rates::usable;
+use crate::motion::rates::{fault, usable};
 use crate::scene::MeshDesc;
 use crate::surface::{Crease, MeshTopology};
 
@@ -69,7 +69,7 @@ pub fn check(
     let finite: Vec<bool> = (0..vertex_count)
         .map(|v| points.iter().all(|key| usable(key[v])))
         .collect();
-    let kept = keep_faces(path, authored, &finite, warnings);
+    let kept = keep_faces(path, authored, &points, &finite, warnings);
     // What nothing refers to any more must still not reach arithmetic.
     for key in &mut points {
         for (p, finite) in key.iter_mut().zip(&finite) {
@@ -159,6 +159,7 @@ struct Kept {
 fn keep_faces(
     path: &str,
     authored: &MeshTopology,
+    points: &[Vec<Vec3>],
     finite: &[bool],
     warnings: &mut Vec<Warning>,
 ) -> Kept {
@@ -228,7 +229,10 @@ fn keep_faces(
     if not_finite > 0 {
         complain(
             Code::NotFinite,
-            format!("{not_finite} of {faces} faces have points that are not finite; dropped"),
+            format!(
+                "{not_finite} of {faces} faces have points that are {}; dropped",
+                fault(points)
+            ),
         );
     }
     kept

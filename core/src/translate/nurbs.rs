@@ -6,7 +6,7 @@ use super::points::{Bends, PointKeys, point_keys};
 use super::primvar::{Count, Counts};
 use crate::diagnostics::{Code, Warning};
 use crate::motion::Shutter;
-use crate::motion::rates::usable;
+use crate::motion::rates::{fault, usable};
 use crate::nurbs::Knots;
 use crate::scene::NurbsPatchDesc;
 use crate::surface::nurbs::NurbsPatch;
@@ -83,7 +83,8 @@ pub fn check(
         } else {
             "dropped"
         };
-        let text = format!("{lost} of {needed} points are not finite; {end}");
+        let fault = fault(&points.points);
+        let text = format!("{lost} of {needed} points are {fault}; {end}");
         warn(Code::NotFinite, text);
         let stand_in = stand_in?;
         for key in &mut points.points {

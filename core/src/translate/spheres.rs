@@ -4,7 +4,7 @@ use super::points::{Bends, PointKeys, point_keys};
 use super::values::Counts;
 use crate::diagnostics::{Code, Warning};
 use crate::motion::Shutter;
-use crate::motion::rates::usable;
+use crate::motion::rates::{fault, usable};
 use crate::scene::SpheresDesc;
 
 /// Spheres that dicing can take.
@@ -35,7 +35,8 @@ pub fn check(
     let elements: Vec<u32> = (0..u32::try_from(total).ok()?).filter(finite).collect();
     let lost = total - elements.len();
     if lost > 0 {
-        let text = format!("{lost} of {total} points are not finite; dropped");
+        let fault = fault(&points.points);
+        let text = format!("{lost} of {total} points are {fault}; dropped");
         warnings.push(Warning::new(path, Code::NotFinite, text));
         let stand_in = *elements.first()? as usize;
         let mut kept = elements.iter().copied().peekable();

@@ -155,7 +155,7 @@ pub fn resolve_widths(
     let lost = floats.iter().filter(|w| !sound(w)).count();
     if lost > 0 {
         let text = format!(
-            "{lost} of {} widths are negative or not finite; they become 0",
+            "{lost} of {} widths are negative, not finite or above {LARGEST_WIDTH:e}; they become 0",
             floats.len()
         );
         warnings.push(Warning::new(path, Code::NotFinite, text));

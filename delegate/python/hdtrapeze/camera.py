@@ -14,7 +14,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdRender, UsdUtils
 
 from .endless import endless_instancers
 from .errors import SceneError, UsageError
-from .guard import FAULTS, fallback, number_or_fallback, reason
+from .guard import FAULTS, quiet
 from .lens import (
     APERTURE_UNIT,
     Aperture,
@@ -28,6 +28,9 @@ from .log import SceneLog
 from .shutter import Shutter
 from .targets import prim_at, targets_of
 from .transforms import Level, TransformReader, static_level
+from .typed import get_or_fallback, get_or_ignore, token
+
+PROJECTIONS = ("perspective", "orthographic")
 
 LARGEST_BOUND = 1e12
 """Scene units: a prim that reaches farther from the origin is left out of the framing."""
@@ -121,7 +124,7 @@ def authored_shutter(
         return 0.0, 0.0
     time = Usd.TimeCode(frame)
     ends = (camera.GetShutterOpenAttr(), camera.GetShutterCloseAttr())
-    return tuple(number_or_fallback(attribute, time, log) for attribute in ends)
+    return tuple(float(get_or_fallback(attribute, time, log)) for attribute in ends)
 
 
 def effective_shutter(
@@ -157,7 +160,7 @@ def read_camera(
     return CameraState(
         path=str(camera.GetPath()),
         levels=transforms.levels(camera.GetPrim()),
-        projection=_projection(camera, time, log),
+        projection=token(camera.GetProjectionAttr(), PROJECTIONS, time, log),
         **read_lens(camera, shutter.code(shutter.open), log),
         clipping=_clipping(camera, time, log),
         shutter=(shutter.open, shutter.close),
@@ -168,23 +171,8 @@ def read_camera(
     )
 
 
-def _projection(camera: UsdGeom.Camera, time: Usd.TimeCode, log: SceneLog) -> str:
-    value = camera.GetProjectionAttr().Get(time)
-    if value in ("perspective", "orthographic"):
-        return value
-    text = f"projection is {value!r}, neither perspective nor orthographic; perspective is used"
-    log.warn(camera.GetPath(), "projection", text)
-    return "perspective"
-
-
 def _clipping(camera: UsdGeom.Camera, time: Usd.TimeCode, log: SceneLog) -> tuple[float, float]:
-    attribute = camera.GetClippingRangeAttr()
-    value = attribute.Get(time)
-    try:
-        near, far = (float(end) for end in value)
-    except FAULTS:
-        text = f"clippingRange is {value!r}, which is no pair of numbers"
-        near, far = fallback(attribute, TypeError(text), log)
+    near, far = map(float, get_or_fallback(camera.GetClippingRangeAttr(), time, log))
     if near < 0.0:
         text = f"clippingRange begins at {near:g}, behind the camera"
         log.warn(camera.GetPath(), "clipping", text)
@@ -193,13 +181,8 @@ def _clipping(camera: UsdGeom.Camera, time: Usd.TimeCode, log: SceneLog) -> tupl
 
 def _clipping_planes(camera: UsdGeom.Camera, time: Usd.TimeCode, log: SceneLog) -> np.ndarray:
     """clippingPlanes, (n, 4), in camera space."""
-    try:
-        value = camera.GetClippingPlanesAttr().Get(time)
-        return np.array(value or (), dtype=np.float64).reshape(-1, 4)
-    except FAULTS as error:
-        text = f"clippingPlanes cannot be read ({reason(error)}); there are none"
-        log.warn(camera.GetPath(), "type", text)
-        return np.zeros((0, 4))
+    value = get_or_ignore(camera.GetClippingPlanesAttr(), time, log)
+    return np.array(value or (), dtype=np.float64).reshape(-1, 4)
 
 
 def _sane_bounds(cache: UsdGeom.BBoxCache, root: Usd.Prim) -> Gf.Range3d:
@@ -242,7 +225,8 @@ def framing_camera(stage: Usd.Stage, shutter: Shutter, purposes: list[str]) -> C
     """
     default = Gf.Camera()
     cache = UsdGeom.BBoxCache(shutter.time, purposes, True)
-    box = _sane_bounds(cache, stage.GetPseudoRoot())
+    with quiet():  # whoever reads a prim has more to say
+        box = _sane_bounds(cache, stage.GetPseudoRoot())
     center, size = np.zeros(3), np.zeros(3)
     if not box.IsEmpty():
         center, size = np.array(box.GetMidpoint()), np.array(box.GetSize())

@@ -9,10 +9,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from pxr import Usd, UsdGeom
 
-from .guard import token
 from .log import SceneLog
 from .mesh import Points, read_points
 from .shutter import Shutter
+from .typed import get, token
 
 TYPES = ("linear", "cubic")
 BASES = {"bezier": "BEZIER", "bspline": "BSPLINE", "catmullRom": "CATMULL_ROM"}
@@ -75,10 +75,8 @@ def read_curves(prim: Usd.Prim, shutter: Shutter, log: SceneLog, before: Curves 
 
 def _read_topology(curves: UsdGeom.BasisCurves, shutter: Shutter, log: SceneLog) -> CurveTopology:
     counts = curves.GetCurveVertexCountsAttr()
-    value = counts.Get(shutter.time)
+    value = get(counts, shutter.time)
     array = np.ascontiguousarray([] if value is None else value, dtype=np.int32)
-    if array.ndim != 1:
-        raise ValueError("not an array of numbers")
     linear = token(curves.GetTypeAttr(), TYPES, shutter.time, log) == "linear"
     return CurveTopology(
         basis="LINEAR" if linear else BASES[token(curves.GetBasisAttr(), BASES, shutter.time, log)],
@@ -95,7 +93,7 @@ def read_form(curves: UsdGeom.Curves, shutter: Shutter, log: SceneLog) -> str:
     value = primvar.Get(shutter.time) if primvar and primvar.HasValue() else None
     if value is None:
         return "DEFAULT"
-    if value not in FORMS:
+    if not isinstance(value, str) or value not in FORMS:
         text = f"primvars:{FORM_PRIMVAR} is {value!r}, which is none of {', '.join(FORMS)}"
         log.warn(curves.GetPath(), "token-curves", f"{text}; it is ignored")
         return "DEFAULT"

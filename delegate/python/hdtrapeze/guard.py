@@ -1,15 +1,16 @@
-"""What keeps one faulty prim from ending the render: typed reads, and the faults of reading.
+"""What keeps one faulty prim from ending the render: the faults of reading.
 
-An attribute may be authored with another type than its schema says. Reading such a prim ends in
-one of FAULTS, and whoever reads prims turns that into one warning which names the prim.
+Reading a prim that cannot be read ends in one of FAULTS, and whoever reads prims turns that into
+one warning which names the prim.
 """
 
 from collections.abc import Iterable
-from numbers import Real
+from contextlib import contextmanager
 
-from pxr import Tf, Usd
+from pxr import Tf, Usd, UsdUtils
 
 from .log import SceneLog
+from .typed import Mistyped, get
 
 FAULTS = (
     Tf.ErrorException,
@@ -34,54 +35,34 @@ def warn_unreadable(log: SceneLog, path, error: Exception, outcome: str) -> None
     """The one warning about a prim that could not be read; `outcome` is what is done instead."""
     if isinstance(error, RecursionError):
         text = f"it is nested too deeply; {outcome}"
+    elif isinstance(error, Mistyped):
+        text = f"{error}; {outcome}"
     else:
-        text = f"an attribute has another type than USD's schema says ({reason(error)}); {outcome}"
+        text = f"it cannot be read ({reason(error)}); {outcome}"
     log.warn(path, "type", text)
 
 
+@contextmanager
+def quiet():
+    """Within it, USD says nothing on stderr."""
+    delegate = UsdUtils.CoalescingDiagnosticDelegate()
+    try:
+        yield
+    finally:
+        delegate.TakeUncoalescedDiagnostics()
+        del delegate
+
+
 def mistyped(prim: Usd.Prim, names: Iterable[str]) -> str | None:
-    """The first of the named attributes with a value of another type than the schema says."""
+    """What is wrong with the first of the named attributes whose type is not just the schema's.
+
+    For what USD reads by itself, which takes no other.
+    """
     for name in names:
         attribute = prim.GetAttribute(name)
-        expected = attribute.GetTypeName().type.pythonClass if attribute else None
-        if expected and attribute.HasAuthoredValue():
-            value = attribute.Get(Usd.TimeCode.EarliestTime())
-            if value is not None and not isinstance(value, expected):
-                return name
+        if attribute and attribute.HasAuthoredValue():
+            try:
+                get(attribute, Usd.TimeCode.EarliestTime(), exact=True)
+            except Mistyped as error:
+                return str(error)
     return None
-
-
-def number(attribute: Usd.Attribute, time: Usd.TimeCode) -> float:
-    """The attribute's value; raises TypeError where it is no number."""
-    value = attribute.Get(time)
-    if not isinstance(value, Real) or isinstance(value, bool):
-        raise TypeError(f"{attribute.GetName()} is {value!r}, which is no number")
-    return float(value)
-
-
-def number_or_fallback(attribute: Usd.Attribute, time: Usd.TimeCode, log: SceneLog) -> float:
-    """The attribute's value, or with a warning its schema's fallback."""
-    try:
-        return number(attribute, time)
-    except FAULTS as error:
-        return fallback(attribute, error, log)
-
-
-def fallback(attribute: Usd.Attribute, error: Exception, log: SceneLog):
-    """The fallback of the attribute's schema, with a warning that it is used."""
-    prim = attribute.GetPrim()
-    value = prim.GetPrimDefinition().GetAttributeFallbackValue(attribute.GetName())
-    log.warn(prim.GetPath(), "type", f"{reason(error)}; {value} is used")
-    return value
-
-
-def token(attribute: Usd.Attribute, known, time: Usd.TimeCode, log: SceneLog) -> str:
-    """The attribute's value where it is among `known`, or with a warning its schema's fallback."""
-    value = attribute.Get(time)
-    if value in known:
-        return value
-    prim, name = attribute.GetPrim(), attribute.GetName()
-    fallback = prim.GetPrimDefinition().GetAttributeFallbackValue(name)
-    text = f"{name} is {value!r}, which is none of {', '.join(known)}; {fallback} is used"
-    log.warn(prim.GetPath(), f"token-{name}", text)
-    return fallback

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from pxr import Usd, UsdGeom
 
-from .guard import number, token
 from .log import SceneLog
 from .mesh import ORIENTATIONS
 from .shutter import Shutter, bracketing_samples
+from .typed import get_or_fallback, token
 
 KINDS = {
     UsdGeom.Cube: ("CUBE", ("size",)),
@@ -63,7 +63,7 @@ def read_implicit(
         times = [time - shutter.frame for time in sorted({t for one in samples for t in one})]
     sizes = np.zeros((len(times), 3))
     for row, time in zip(sizes, times, strict=True):
-        row[: len(names)] = [number(attribute, shutter.code(time)) for attribute in attributes]
+        row[: len(names)] = [get_or_fallback(one, shutter.code(time), log) for one in attributes]
     has_axis = hasattr(schema, "GetAxisAttr")
     orientation = UsdGeom.Gprim(prim).GetOrientationAttr()
     return Implicit(

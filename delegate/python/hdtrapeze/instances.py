@@ -15,6 +15,7 @@ from .log import SceneLog
 from .points import Samples, moving_sample
 from .shutter import Shutter, bracketing_samples, samples_around
 from .transforms import Level, compose, curve_keys
+from .typed import get, get_or_ignore
 
 
 @dataclass
@@ -49,6 +50,9 @@ class Instances:
         return np.flatnonzero(np.bincount(indices, minlength=1)) if len(indices) else indices
 
 
+BY_INDEX = "its instances are known by their numbers"
+"""What is done where ids cannot be used."""
+
 # Point instancers ---------------------------------------------------------------------------------
 
 
@@ -64,7 +68,7 @@ def read_point_instancer(
         "angular_velocities": instancer.GetAngularVelocitiesAttr(),
     }
     orientations = instancer.GetOrientationsfAttr()
-    if not _has_values(orientations):
+    if not _has_values(orientations, log):
         orientations = instancer.GetOrientationsAttr()
     moved = {
         "positions": (instancer.GetPositionsAttr(), 3),
@@ -78,15 +82,15 @@ def read_point_instancer(
         varies=any(attribute.ValueMightBeTimeVarying() for attribute in attributes),
         time_codes_per_second=instancer.GetPrim().GetStage().GetTimeCodesPerSecond(),
     )
-    value = indices.Get(shutter.time)
+    value = get(indices, shutter.time)
     if value is not None:
-        instances.prototypes = _integers(value, np.int32)
+        instances.prototypes = np.ascontiguousarray(value, dtype=np.int32)
         if not len(instances.prototypes):
             return instances
     needed = {
         "prototypes": prototype_count,
         "protoIndices": value is not None,
-        "positions": instancer.GetPositionsAttr().Get(shutter.time) is not None,
+        "positions": get(instancer.GetPositionsAttr(), shutter.time) is not None,
     }
     missing = [name for name, there in needed.items() if not there]
     if missing:
@@ -94,9 +98,9 @@ def read_point_instancer(
         return instances
     _warn_of_primvars(instancer, log)
     instances.count = len(instances.prototypes)
-    instances.mask = _mask(instancer, instances.count, shutter)
+    instances.mask = _mask(instancer, instances.count, shutter, log)
     has_rates = _read_rates(instances, rates, shutter, path, log)
-    still = _changes_ids(instancer, shutter) and not has_rates
+    still = _changes_ids(instancer, shutter, log) and not has_rates
     if still:
         text = "its instances change within the shutter and have no velocities: they do not move"
         log.warn(path, "time-samples", text)
@@ -128,10 +132,10 @@ def _samples(
     if not times and not still:
         times = bracketing_samples(attribute, shutter)
     if times:
-        arrays = [_floats(attribute.Get(Usd.TimeCode(time)), width) for time in times]
+        arrays = [_floats(get(attribute, Usd.TimeCode(time)), width) for time in times]
         return Samples([time - shutter.frame for time in times], arrays)
     time = shutter.time if still else shutter.code(shutter.open)
-    array = _floats(attribute.Get(time), width)
+    array = _floats(get(attribute, time), width)
     return Samples([shutter.open], [array]) if len(array) else Samples()
 
 
@@ -141,70 +145,62 @@ def _read_rates(instances: Instances, rates: dict, shutter: Shutter, path, log: 
     for name, attribute in rates.items():
         if not attribute.HasAuthoredValue():
             continue
-        try:
-            times = samples_around(attribute, shutter)
-            if not times:
-                if shutter.moves:
-                    text = f"its {attribute.GetName()} are ignored: they have no time samples"
-                    log.warn(path, "velocities", text)
-                continue
-            # Only the sample at or before the frame has values, for no other is used.
-            arrays = [_floats(None, 3)] * len(times)
-            base = moving_sample(times, shutter)
-            arrays[base] = _floats(attribute.Get(Usd.TimeCode(times[base])), 3)
-        except FAULTS as error:
-            warn_unreadable(log, path, error, f"its {attribute.GetName()} are ignored")
+        if get_or_ignore(attribute, shutter.time, log) is None:
             continue
+        times = samples_around(attribute, shutter)
+        if not times:
+            if shutter.moves:
+                text = f"its {attribute.GetName()} are ignored: they have no time samples"
+                log.warn(path, "velocities", text)
+            continue
+        # Only the sample at or before the frame has values, for no other is used.
+        arrays = [_floats(None, 3)] * len(times)
+        base = moving_sample(times, shutter)
+        arrays[base] = _floats(get_or_ignore(attribute, Usd.TimeCode(times[base]), log), 3)
         setattr(instances, name, Samples([time - shutter.frame for time in times], arrays))
         found = found or (name != "accelerations" and arrays[base].size > 0)
     return found
 
 
-def _mask(instancer: UsdGeom.PointInstancer, count: int, shutter: Shutter) -> np.ndarray:
+def _mask(
+    instancer: UsdGeom.PointInstancer, count: int, shutter: Shutter, log: SceneLog
+) -> np.ndarray:
     """1 for instances whose ids are neither invisible nor inactive; empty where all are there."""
     inactive = instancer.GetPrim().GetMetadata("inactiveIds")
-    invisible = instancer.GetInvisibleIdsAttr().Get(shutter.time)
+    invisible = get_or_ignore(instancer.GetInvisibleIdsAttr(), shutter.time, log)
+    ids = get_or_ignore(instancer.GetIdsAttr(), shutter.time, log, outcome=BY_INDEX)
     masked = [list(inactive.explicitItems) if inactive else []]
-    masked.append([] if invisible is None else _integers(invisible, np.int64))
+    masked.append([] if invisible is None else invisible)
     masked = np.concatenate([np.asarray(ids, dtype=np.int64) for ids in masked])
     if not len(masked):
         return np.zeros(0, dtype=np.uint8)
-    ids = instancer.GetIdsAttr().Get(shutter.time)
-    ids = np.arange(count) if ids is None else _integers(ids, np.int64)
+    ids = np.arange(count) if ids is None else np.asarray(ids, dtype=np.int64)
     mask = ~np.isin(ids, masked)
     return np.zeros(0, dtype=np.uint8) if mask.all() else mask.astype(np.uint8)
 
 
-def _changes_ids(instancer: UsdGeom.PointInstancer, shutter: Shutter) -> bool:
+def _changes_ids(instancer: UsdGeom.PointInstancer, shutter: Shutter, log: SceneLog) -> bool:
     """Whether samples within the shutter are of other instances than the frame's."""
     ids = instancer.GetIdsAttr()
     times = bracketing_samples(instancer.GetPositionsAttr(), shutter)
     if not times or not ids.ValueMightBeTimeVarying():
         return False
-    frame = ids.Get(shutter.time)
+    frame = get_or_ignore(ids, shutter.time, log, outcome=BY_INDEX)
+    if frame is None:
+        return False
     return any(ids.Get(Usd.TimeCode(time)) != frame for time in times)
 
 
-def _has_values(attribute: Usd.Attribute) -> bool:
+def _has_values(attribute: Usd.Attribute, log: SceneLog) -> bool:
     """Whether it has any by default, or in its first sample: USD's rule for orientationsf."""
     times = [Usd.TimeCode.Default(), *map(Usd.TimeCode, attribute.GetTimeSamples()[:1])]
-    return any(attribute.Get(time) for time in times)
+    return any(get_or_ignore(attribute, time, log) for time in times)
 
 
 def _floats(value, width: int) -> np.ndarray:
     if value is None:
         return np.zeros((0, width), dtype=np.float32)
-    array = np.ascontiguousarray(value, dtype=np.float32)
-    if array.size and (array.ndim != 2 or array.shape[1] != width):
-        raise ValueError(f"not an array of {width} numbers each")
-    return array.reshape(-1, width)
-
-
-def _integers(value, dtype) -> np.ndarray:
-    array = np.ascontiguousarray(value, dtype=dtype)
-    if array.ndim != 1:
-        raise ValueError("not an array of numbers")
-    return array
+    return np.ascontiguousarray(value, dtype=np.float32).reshape(-1, width)
 
 
 # Native instances ---------------------------------------------------------------------------------

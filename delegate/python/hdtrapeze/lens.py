@@ -20,11 +20,12 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
-from pxr import Usd, UsdGeom
+from pxr import Sdf, Usd, UsdGeom
 
-from .guard import FAULTS, number, number_or_fallback, reason
+from .guard import mistyped
 from .log import SceneLog
 from .shutter import Shutter, bracketing_samples
+from .typed import get_or_fallback, get_or_ignore
 
 APERTURE_UNIT = 0.1
 """Scene units of one unit of aperture or focal length."""
@@ -74,7 +75,7 @@ def read_lens(camera: UsdGeom.Camera, time: Usd.TimeCode, log: SceneLog) -> dict
     """Lens, film back and exposure at one time, in scene units; by the names of the C ABI."""
     prim = camera.GetPrim()
     lens = {
-        name: number_or_fallback(prim.GetAttribute(attribute), time, log) * factor
+        name: float(get_or_fallback(prim.GetAttribute(attribute), time, log)) * factor
         for name, (attribute, factor) in LENS_ATTRIBUTES.items()
     }
     lens["exposure_scale"] = _exposure_scale(camera, time, log)
@@ -82,12 +83,11 @@ def read_lens(camera: UsdGeom.Camera, time: Usd.TimeCode, log: SceneLog) -> dict
 
 
 def _exposure_scale(camera: UsdGeom.Camera, time: Usd.TimeCode, log: SceneLog) -> float:
-    try:
-        return float(camera.ComputeLinearExposureScale(time))
-    except FAULTS as error:
-        text = f"its exposure cannot be read ({reason(error)}); 1 is used"
-        log.warn(camera.GetPath(), "type", text)
+    wrong = mistyped(camera.GetPrim(), EXPOSURE_ATTRIBUTES)
+    if wrong:
+        log.warn(camera.GetPath(), "type", f"{wrong}; its exposure is taken as 1")
         return 1.0
+    return float(camera.ComputeLinearExposureScale(time))
 
 
 def read_lens_samples(
@@ -135,25 +135,19 @@ class _Attributes:
         attribute = self.first(*names)
         if attribute is None:
             return default
-        try:
-            return number(attribute, self._time)
-        except FAULTS as error:
-            self.warn(f"{reason(error)}; {default:g} is used")
-            return default
+        outcome = f"{default:g} is used"
+        value = self.value(attribute, Sdf.ValueTypeNames.Double, outcome)
+        return default if value is None else float(value)
+
+    def value(self, attribute: Usd.Attribute, expected: Sdf.ValueTypeName, outcome: str):
+        """The attribute's value; None where it is of another type than `expected`."""
+        return get_or_ignore(attribute, self._time, self._log, expected, outcome)
 
     def pairs(self, attribute: Usd.Attribute) -> np.ndarray | None:
         """The attribute's pairs of numbers, (n, 2); None with a warning where it has none."""
-        try:
-            pairs = np.array(attribute.Get(self._time), dtype=np.float64)
-            if pairs.ndim == 2 and pairs.shape[1] == 2:
-                return pairs
-            if pairs.size == 0:
-                return np.zeros((0, 2))
-            text = "is no array of pairs of numbers"
-        except FAULTS as error:
-            text = f"cannot be read ({reason(error)})"
-        self.warn(f"{attribute.GetName()} {text}; the shutter is open throughout")
-        return None
+        expected = Sdf.ValueTypeNames.Float2Array
+        value = self.value(attribute, expected, "the shutter is open throughout")
+        return None if value is None else np.array(value, dtype=np.float64).reshape(-1, 2)
 
     def warn(self, text: str) -> None:
         self._log.warn(self._prim.GetPath(), "type", text)
@@ -194,7 +188,7 @@ def read_shutter_curve(camera: UsdGeom.Camera, time: Usd.TimeCode, log: SceneLog
         pairs = read.pairs(own)
         return ShutterCurve() if pairs is None else ShutterCurve(pairs)
     if read.first("ri:shutterOpenTime", "ri:shutterCloseTime", "ri:shutteropening"):
-        return _rendermans_curve(read, time)
+        return _rendermans_curve(read)
     if attribute := read.first("primvars:arnold:shutter_type"):
         kind = attribute.Get(time)
         if kind == "triangle":
@@ -206,7 +200,7 @@ def read_shutter_curve(camera: UsdGeom.Camera, time: Usd.TimeCode, log: SceneLog
     return ShutterCurve()
 
 
-def _rendermans_curve(read: _Attributes, time: Usd.TimeCode) -> ShutterCurve:
+def _rendermans_curve(read: _Attributes) -> ShutterCurve:
     """Fully open from shutterOpenTime to shutterCloseTime; the ramps before and after are straight,
     or Bezier segments whose inner control points are shutteropening."""
     opened = read.number(0.0, "ri:shutterOpenTime")
@@ -215,11 +209,13 @@ def _rendermans_curve(read: _Attributes, time: Usd.TimeCode) -> ShutterCurve:
     attribute = read.first("ri:shutteropening")
     if attribute is None:
         return ShutterCurve(straight)
-    try:
-        controls = np.array(attribute.Get(time), dtype=np.float64).reshape(4, 2)
-    except FAULTS:
+    value = read.value(attribute, Sdf.ValueTypeNames.FloatArray, "straight ramps are used")
+    if value is None:
+        return ShutterCurve(straight)
+    if len(value) != 8:
         read.warn("ri:shutteropening is not 8 numbers; straight ramps are used")
         return ShutterCurve(straight)
+    controls = np.array(value, dtype=np.float64).reshape(4, 2)
     middle = [(opened + (closes - opened) * f, 1.0) for f in (0.0, 1 / 3, 2 / 3, 1.0)]
     points = [(0.0, 0.0), *controls[:2], *middle, *controls[2:], (1.0, 0.0)]
     return ShutterCurve(np.array(points), bezier=True)

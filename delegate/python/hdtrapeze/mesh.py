@@ -8,11 +8,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from pxr import Usd, UsdGeom
 
-from .guard import token
 from .log import SceneLog
 from .points import Points, read_points
 from .shutter import Shutter
 from .subsets import Subset, read_subsets
+from .typed import get, get_or_ignore, token
 
 SCHEMES = {
     "catmullClark": "CATMULL_CLARK",
@@ -112,6 +112,9 @@ ARRAYS = {
     "corner_indices": ("cornerIndices", np.int32),
     "corner_sharpnesses": ("cornerSharpnesses", np.float32),
 }
+NEEDED = ("faceVertexCounts", "faceVertexIndices")
+"""Without them, a mesh is not rendered."""
+
 TOKENS = {
     "scheme": ("subdivisionScheme", SCHEMES),
     "boundary": ("interpolateBoundary", BOUNDARIES),
@@ -135,10 +138,10 @@ def read_topology(mesh: UsdGeom.Mesh, shutter: Shutter, log: SceneLog) -> Topolo
             continue
         attribute = prim.GetAttribute(name)
         topology.varies |= attribute.ValueMightBeTimeVarying()
-        value = attribute.Get(shutter.time)
+        if name in NEEDED:
+            value = get(attribute, shutter.time)
+        else:
+            value = get_or_ignore(attribute, shutter.time, log)
         if value is not None:
-            array = np.ascontiguousarray(value, dtype=dtype)
-            if array.ndim != 1:
-                raise ValueError("not an array of numbers")
-            setattr(topology, field_name, array)
+            setattr(topology, field_name, np.ascontiguousarray(value, dtype=dtype))
     return topology

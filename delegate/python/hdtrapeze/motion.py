@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 from pxr import Usd, UsdGeom
 
-from .guard import FAULTS, number, warn_unreadable
 from .log import SceneLog
 from .shutter import Shutter
 from .transforms import TransformReader
+from .typed import get_or_ignore
 
 
 @dataclass(frozen=True)
@@ -55,20 +55,21 @@ class MotionReader:
 
     def _read(self, prim: Usd.Prim, inherited: Motion) -> Motion:
         api = UsdGeom.MotionAPI(prim)
-        scale, samples = inherited.blur_scale, inherited.nonlinear_samples
-        time = self._shutter.time
-        try:
-            if api.GetMotionBlurScaleAttr().HasAuthoredValue():
-                scale = number(api.GetMotionBlurScaleAttr(), time)
-            if api.GetNonlinearSampleCountAttr().HasAuthoredValue():
-                samples = int(number(api.GetNonlinearSampleCountAttr(), time))
-                if samples < 1:
-                    text = f"motion:nonlinearSampleCount is {samples}; as many as needed are taken"
-                    self._log.warn(prim.GetPath(), "motion", text)
-                    samples = 0
-        except FAULTS as error:
-            warn_unreadable(self._log, prim.GetPath(), error, "it is ignored")
-        return Motion(scale, samples)
+        scale = self._authored(api.GetMotionBlurScaleAttr())
+        samples = self._authored(api.GetNonlinearSampleCountAttr())
+        if samples is not None and samples < 1:
+            text = f"motion:nonlinearSampleCount is {samples}; as many as needed are taken"
+            self._log.warn(prim.GetPath(), "motion", text)
+            samples = 0
+        return Motion(
+            inherited.blur_scale if scale is None else float(scale),
+            inherited.nonlinear_samples if samples is None else samples,
+        )
+
+    def _authored(self, attribute: Usd.Attribute):
+        if not attribute.HasAuthoredValue():
+            return None
+        return get_or_ignore(attribute, self._shutter.time, self._log)
 
     def timing(self, motion: Motion) -> Timing:
         """Shutter and transforms that cover what is seen of prims with this motion."""

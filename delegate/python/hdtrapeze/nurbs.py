@@ -9,11 +9,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from pxr import Usd, UsdGeom
 
-from .guard import token
 from .log import SceneLog
 from .mesh import ORIENTATIONS
 from .points import Points, read_points
 from .shutter import Shutter
+from .typed import get, get_or_ignore, token
 
 _NO_NUMBERS = np.zeros(0)
 
@@ -63,7 +63,7 @@ def read_nurbs_patch(
 ) -> NurbsPatch:
     """The patch at the frame; what does not vary is taken over from `before`."""
     patch = UsdGeom.NurbsPatch(prim)
-    if patch.GetTrimCurveCountsAttr().Get(shutter.time):
+    if get_or_ignore(patch.GetTrimCurveCountsAttr(), shutter.time, log):
         text = "its trim curves are not supported: it is rendered untrimmed"
         log.warn(prim.GetPath(), "unsupported-trim", text)
     basis = before.basis if before else None
@@ -78,17 +78,15 @@ def read_nurbs_patch(
 def _read_basis(patch: UsdGeom.NurbsPatch, shutter: Shutter, log: SceneLog) -> Basis:
     varies = False
 
-    def read(attribute: Usd.Attribute, fallback):
+    def read(attribute: Usd.Attribute, fallback, needed: bool = True):
         nonlocal varies
         varies |= attribute.ValueMightBeTimeVarying()
-        value = attribute.Get(shutter.time)
+        time = shutter.time
+        value = get(attribute, time) if needed else get_or_ignore(attribute, time, log)
         return fallback if value is None else value
 
-    def numbers(attribute: Usd.Attribute) -> np.ndarray:
-        array = np.ascontiguousarray(read(attribute, ()), dtype=np.float64)
-        if array.ndim != 1:
-            raise ValueError("not an array of numbers")
-        return array
+    def numbers(attribute: Usd.Attribute, needed: bool = True) -> np.ndarray:
+        return np.ascontiguousarray(read(attribute, (), needed), dtype=np.float64)
 
     basis = Basis(
         orders=(int(read(patch.GetUOrderAttr(), 0)), int(read(patch.GetVOrderAttr(), 0))),
@@ -98,10 +96,10 @@ def _read_basis(patch: UsdGeom.NurbsPatch, shutter: Shutter, log: SceneLog) -> B
         ),
         knots=(numbers(patch.GetUKnotsAttr()), numbers(patch.GetVKnotsAttr())),
         ranges=(
-            tuple(read(patch.GetURangeAttr(), (0.0, 0.0))),
-            tuple(read(patch.GetVRangeAttr(), (0.0, 0.0))),
+            tuple(read(patch.GetURangeAttr(), (0.0, 0.0), False)),
+            tuple(read(patch.GetVRangeAttr(), (0.0, 0.0), False)),
         ),
-        weights=numbers(patch.GetPointWeightsAttr()),
+        weights=numbers(patch.GetPointWeightsAttr(), needed=False),
         orientation=token(patch.GetOrientationAttr(), ORIENTATIONS, shutter.time, log),
     )
     basis.varies = varies

@@ -13,9 +13,11 @@ from .curves import read_form
 from .log import SceneLog
 from .points import Points, read_points
 from .shutter import Shutter
+from .typed import get, get_or_ignore
 
 _NO_NUMBERS = np.zeros(0)
 _NO_COUNTS = np.zeros(0, dtype=np.int32)
+OPTIONAL = ("ranges", "weights")
 
 
 @dataclass
@@ -75,21 +77,21 @@ def read_nurbs_curves(
 
 def _read_basis(curves: UsdGeom.NurbsCurves, shutter: Shutter, log: SceneLog) -> NurbsBasis:
     attributes = {
-        "vertex_counts": (curves.GetCurveVertexCountsAttr(), np.int32, 1),
-        "orders": (curves.GetOrderAttr(), np.int32, 1),
-        "knots": (curves.GetKnotsAttr(), np.float64, 1),
-        "ranges": (curves.GetRangesAttr(), np.float64, 2),
-        "weights": (curves.GetPointWeightsAttr(), np.float64, 1),
+        "vertex_counts": (curves.GetCurveVertexCountsAttr(), np.int32),
+        "orders": (curves.GetOrderAttr(), np.int32),
+        "knots": (curves.GetKnotsAttr(), np.float64),
+        "ranges": (curves.GetRangesAttr(), np.float64),
+        "weights": (curves.GetPointWeightsAttr(), np.float64),
     }
     basis = NurbsBasis(form=read_form(curves, shutter, log))
-    for name, (attribute, dtype, dimensions) in attributes.items():
+    for name, (attribute, dtype) in attributes.items():
         basis.varies |= attribute.ValueMightBeTimeVarying()
-        value = attribute.Get(shutter.time)
+        if name in OPTIONAL:
+            value = get_or_ignore(attribute, shutter.time, log)
+        else:
+            value = get(attribute, shutter.time)
         if value is not None and len(value):
-            array = np.ascontiguousarray(value, dtype=dtype)
-            if array.ndim != dimensions:
-                raise ValueError("not an array of numbers")
-            setattr(basis, name, array)
+            setattr(basis, name, np.ascontiguousarray(value, dtype=dtype))
     # Orders may be fewer than curves: those that are missing are none.
     missing = basis.vertex_counts.size - basis.orders.size
     basis.orders = np.pad(basis.orders, (0, max(missing, 0)))[: basis.vertex_counts.size]

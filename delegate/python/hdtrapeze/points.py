@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from pxr import Usd, UsdGeom
 
-from .guard import FAULTS, warn_unreadable
 from .log import SceneLog
 from .shutter import Shutter, bracketing_samples, samples_around
+from .typed import get, get_or_ignore
 from .varying import changes_topology, points_at_frame, warn_still
 
 
@@ -50,13 +50,13 @@ def read_points(
     if shutter.moves:
         samples = bracketing_samples(attribute, shutter)
         if samples and not (topology_varies and changes_topology(mesh.GetPrim(), samples, shutter)):
-            arrays = [_array(attribute.Get(Usd.TimeCode(time))) for time in samples]
+            arrays = [_array(get(attribute, Usd.TimeCode(time))) for time in samples]
             return Points([time - shutter.frame for time in samples], arrays, True)
         if samples:
             warn_still(mesh.GetPrim(), log)
     if topology_varies:
         return Points([shutter.open], [_array(points_at_frame(mesh.GetPrim(), shutter))], varies)
-    return Points([shutter.open], [_array(attribute.Get(shutter.code(shutter.open)))], varies)
+    return Points([shutter.open], [_array(get(attribute, shutter.code(shutter.open)))], varies)
 
 
 def _with_velocities(
@@ -66,12 +66,10 @@ def _with_velocities(
     prim, attribute, velocities = mesh.GetPrim(), mesh.GetPointsAttr(), mesh.GetVelocitiesAttr()
     if shutter.frame is None or not velocities.HasAuthoredValue():
         return None
-    try:
-        speeds = _rates(velocities, shutter)
-        bends = _rates(mesh.GetAccelerationsAttr(), shutter)
-    except FAULTS as error:
-        warn_unreadable(log, prim.GetPath(), error, "its velocities are ignored")
+    if get_or_ignore(velocities, shutter.time, log) is None:
         return None
+    speeds = _rates(velocities, shutter, log)
+    bends = _rates(mesh.GetAccelerationsAttr(), shutter, log)
     times = samples_around(attribute, shutter)
     if not times or not speeds.times:
         if shutter.moves:
@@ -84,21 +82,21 @@ def _with_velocities(
     held = prim.GetStage().GetInterpolationType() == Usd.InterpolationTypeHeld
     if held or (topology_varies and changes_topology(prim, times, shutter)):
         # Where velocities do not move it, the sample must not be joined with another.
-        arrays = [_array(attribute.Get(Usd.TimeCode(times[base])))] * len(times)
+        arrays = [_array(get(attribute, Usd.TimeCode(times[base])))] * len(times)
     else:
-        arrays = [_array(attribute.Get(Usd.TimeCode(time))) for time in times]
+        arrays = [_array(get(attribute, Usd.TimeCode(time))) for time in times]
     per_second = prim.GetStage().GetTimeCodesPerSecond()
     relative = [time - shutter.frame for time in times]
     return Points(relative, arrays, True, speeds, bends, per_second)
 
 
-def _rates(attribute: Usd.Attribute, shutter: Shutter) -> Samples:
+def _rates(attribute: Usd.Attribute, shutter: Shutter, log: SceneLog) -> Samples:
     """Samples around the frame; only the one at or before it has values, for no other is used."""
     times = samples_around(attribute, shutter)
     arrays = [_array(None)] * len(times)
     if times:
         base = moving_sample(times, shutter)
-        arrays[base] = _array(attribute.Get(Usd.TimeCode(times[base])))
+        arrays[base] = _array(get_or_ignore(attribute, Usd.TimeCode(times[base]), log))
     return Samples([time - shutter.frame for time in times], arrays)
 
 
@@ -110,7 +108,4 @@ def moving_sample(times: list[float], shutter: Shutter) -> int:
 def _array(value) -> np.ndarray:
     if value is None:
         return np.zeros((0, 3), dtype=np.float32)
-    array = np.ascontiguousarray(value, dtype=np.float32)
-    if array.size and (array.ndim != 2 or array.shape[1] != 3):
-        raise ValueError("not an array of triples")
-    return array.reshape(-1, 3)
+    return np.ascontiguousarray(value, dtype=np.float32).reshape(-1, 3)

@@ -11,9 +11,18 @@ from pxr import Gf, Sdf, Usd, UsdGeom
 
 from .log import SceneLog
 from .shutter import Shutter, bracketing_samples
+from .typed import Mistyped, get
 
 SHADED = ("displayColor", "displayOpacity", "normals", "widths")
 AOV_PREFIX = "primvars:"
+
+TYPES = {
+    "displayColor": Sdf.ValueTypeNames.Color3fArray,
+    "displayOpacity": Sdf.ValueTypeNames.FloatArray,
+    "normals": Sdf.ValueTypeNames.Normal3fArray,
+    "widths": Sdf.ValueTypeNames.FloatArray,
+}
+"""USD's types of those that are shaded with; one value that is no array does as well."""
 
 INTERPOLATIONS = {
     "constant": "CONSTANT",
@@ -103,6 +112,8 @@ class _Authored:
     indices: Usd.Attribute | None = None
     element_size: int = 1
     unauthored_index: int = -1
+    fallback: str = "constant"
+    """The interpolation where another than the known ones is authored."""
 
     @classmethod
     def of_primvar(cls, primvar: UsdGeom.Primvar):
@@ -128,33 +139,42 @@ class _Authored:
         )
 
 
+def _own(attribute: Usd.Attribute, interpolation: str) -> _Authored:
+    return _Authored(attribute, interpolation, fallback="vertex")
+
+
 def _attribute(prim: UsdGeom.Gprim, name: str) -> _Authored | None:
     """What schemas have as attributes of their own; a primvar of the name wins."""
     if name == "normals":
         points = UsdGeom.PointBased(prim)
         if points and points.GetNormalsAttr().HasAuthoredValue():
-            return _Authored(points.GetNormalsAttr(), points.GetNormalsInterpolation())
+            return _own(points.GetNormalsAttr(), points.GetNormalsInterpolation())
     if name == "widths":
         for schema in (UsdGeom.Curves, UsdGeom.Points):
             wide = schema(prim)
             if wide and wide.GetWidthsAttr().HasAuthoredValue():
-                return _Authored(wide.GetWidthsAttr(), wide.GetWidthsInterpolation())
+                return _own(wide.GetWidthsAttr(), wide.GetWidthsInterpolation())
     return None
 
 
 def _read(prim, name: str, authored: _Authored, shutter: Shutter, log) -> Primvar | None:
     path = prim.GetPath()
-    if authored.interpolation not in INTERPOLATIONS:
-        text = (
-            f"{name} has the interpolation {authored.interpolation!r}, which is none; it is ignored"
-        )
+    interpolation = authored.interpolation
+    if interpolation not in INTERPOLATIONS:
+        interpolation = authored.fallback
+        text = f"{name} has the interpolation {authored.interpolation!r}, which is none of "
+        text += f"{', '.join(INTERPOLATIONS)}; {interpolation} is used"
         log.warn(path, "primvar-interpolation", text)
-        return None
     type_name = authored.attribute.GetTypeName()
     samples = []
     for time in authored.times(shutter):
         code = shutter.code(time)
-        value = authored.attribute.Get(code)
+        try:
+            value, type_name = _typed(authored.attribute, code, TYPES.get(name))
+            indices = get(authored.indices, code) if authored.indices else None
+        except Mistyped as error:
+            log.warn(path, "type", f"{error}; it is ignored")
+            return None
         if value is None:
             continue
         values = _numbers(value, type_name)
@@ -162,20 +182,35 @@ def _read(prim, name: str, authored: _Authored, shutter: Shutter, log) -> Primva
             text = f"{name} is of the type {type_name}, which holds no numbers; it is ignored"
             log.warn(path, "primvar-type", text)
             return None
-        indices = authored.indices.Get(code) if authored.indices else None
         if indices is not None:
             indices = np.ascontiguousarray(indices, dtype=np.int32)
+        if name in TYPES and values.dtype.kind in "iu":
+            values = values.astype(np.float32)
         samples.append(Sample(time, values, indices))
     if not any(sample.values.size for sample in samples):
         return None  # blocked, or authored but empty: as if not authored
     return Primvar(
-        authored.interpolation,
+        interpolation,
         samples,
         authored.varies,
         type_name.role == "Color",
         authored.element_size,
         authored.unauthored_index,
     )
+
+
+def _typed(attribute: Usd.Attribute, code: Usd.TimeCode, expected: Sdf.ValueTypeName | None):
+    """The value and its type; raises Mistyped where it is neither `expected` nor one of them."""
+    try:
+        return get(attribute, code, expected), expected or attribute.GetTypeName()
+    except Mistyped:
+        if expected is None:
+            raise
+        try:
+            return get(attribute, code, expected.scalarType), expected.scalarType
+        except Mistyped:
+            pass
+        raise
 
 
 def _numbers(value, type_name: Sdf.ValueTypeName) -> np.ndarray | None:

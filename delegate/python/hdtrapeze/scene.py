@@ -26,6 +26,10 @@ from .shutter import Shutter
 from .skel import Skinning
 from .subsets import warn_of_unused
 from .transforms import Level, TransformReader
+from .typed import get_or_fallback, get_or_ignore, token
+
+VISIBILITIES = ("inherited", "invisible")
+PURPOSES = ("default", "render", "proxy", "guide")
 
 
 @dataclass
@@ -152,12 +156,10 @@ class SceneSync:
                 continue
             imageable = UsdGeom.Imageable(prim)
             if imageable:
-                visibility = imageable.GetVisibilityAttr().Get(self._shutter.time)
-                if visibility == UsdGeom.Tokens.invisible:
+                if self._is_invisible(imageable):
                     self.has_hidden = True
                     continue
-                if imageable.GetPurposeAttr().HasAuthoredValue():
-                    purpose = imageable.GetPurposeAttr().Get()
+                purpose = self._purpose(imageable, purpose)
                 try:
                     if prim.IsA(UsdSkel.Root):
                         self._enter_skeletons(prim, place, predicate)
@@ -165,6 +167,8 @@ class SceneSync:
                         continue
                 except FAULTS as error:
                     self._leave_out(prim, error)
+                    if prim.IsA(UsdGeom.PointInstancer):
+                        continue  # its prototypes are no prims by themselves
             elif prim.IsA(UsdShade.Material):
                 self._ignored["materials"] += 1
                 continue
@@ -182,6 +186,18 @@ class SceneSync:
             stack += [(child, purpose) for child in reversed(children)]
         for (prototype, purpose, _), members in groups.items():
             self._walk_natives(str(prototype), purpose, members, self._home(members[0], place))
+
+    def _is_invisible(self, imageable: UsdGeom.Imageable) -> bool:
+        attribute, time = imageable.GetVisibilityAttr(), self._shutter.time
+        authored = attribute.HasAuthoredValue()
+        return authored and token(attribute, VISIBILITIES, time, self._log) == "invisible"
+
+    def _purpose(self, imageable: UsdGeom.Imageable, inherited: str) -> str:
+        """The prim's own purpose, where it has one."""
+        attribute, time = imageable.GetPurposeAttr(), Usd.TimeCode.Default()
+        if not attribute.HasAuthoredValue() or get_or_ignore(attribute, time, self._log) is None:
+            return inherited
+        return token(attribute, PURPOSES, time, self._log)
 
     def _home(self, prim: Usd.Prim, place: Place) -> Place:
         """The place that a prim's levels end in, which may ignore native instances around it."""
@@ -411,7 +427,7 @@ class SceneSync:
         mode = model.ComputeModelDrawMode()
         apply = model.GetModelApplyDrawModeAttr()
         if apply.HasAuthoredValue():
-            applies = apply.Get()
+            applies = get_or_fallback(apply, self._shutter.time, self._log)
         else:  # components are drawn as if it were true
             applies = Kind.Registry.IsA(Usd.ModelAPI(prim).GetKind(), Kind.Tokens.component)
         if applies and mode not in ("default", "inherited", ""):
@@ -488,7 +504,8 @@ class SceneSync:
             self._session.set_pick_id(sent.prim, pick_id)
             self.prim_paths[pick_id] = str(prim.GetPath())
         shape.send(self._session, sent.prim, before)
-        double_sided = bool(UsdGeom.Gprim(prim).GetDoubleSidedAttr().Get())
+        attribute = UsdGeom.Gprim(prim).GetDoubleSidedAttr()
+        double_sided = bool(get_or_fallback(attribute, self._shutter.time, self._log))
         if sent.double_sided != double_sided:
             self._session.set_double_sided(sent.prim, double_sided)
             sent.double_sided = double_sided

@@ -15,6 +15,7 @@ from .errors import UsageError
 from .guard import FAULTS, reason
 from .log import SceneLog
 from .options import Options
+from .typed import Mistyped, get
 
 CONFORM_POLICIES = {
     "expandAperture": "fit",
@@ -55,6 +56,8 @@ def _word(value) -> str:
 
 def _numbers(count: int, one: Callable = _number) -> Callable:
     def convert(value) -> tuple:
+        if isinstance(value, str) or not hasattr(value, "__len__"):
+            raise TypeError(f"it must be {count} numbers")
         numbers = tuple(one(number) for number in value)
         if len(numbers) != count:
             raise TypeError(f"it must be {count} numbers")
@@ -170,7 +173,11 @@ def _trapeze_values(prim: Usd.Prim, log: SceneLog) -> dict:
 
 def _checked(attribute: Usd.Attribute, convert: Callable, log: SceneLog) -> dict | None:
     """What the attribute sets, or None with a warning."""
-    value = attribute.Get()
+    try:
+        value = get(attribute, Usd.TimeCode.Default())
+    except Mistyped as error:
+        log.warn(attribute.GetPrim().GetPath(), "type", f"{error}; ignored")
+        return None
     try:
         found = convert(value)
         Options(**found).validate()

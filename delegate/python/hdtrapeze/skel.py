@@ -25,6 +25,7 @@ from .skel_input import (
 )
 from .skel_pose import CODE, Pose
 from .transforms import Between, Level, TransformReader, curve_keys, point_keys
+from .typed import Mistyped, get
 
 _IDENTITY = np.eye(4)
 
@@ -139,13 +140,14 @@ class Skinned:
         self._read = True
         self._influences = self._shapes = None
         time, query = self._shutter.time, self._query
-        points = self._rest.Get(time) if self._rest else None
-        if self._rest and not isinstance(points, Vt.Vec3fArray):
+        try:
+            points = get(self._rest, time) if self._rest else None
+        except Mistyped:
             return  # whoever reads the prim warns
         self._count = 0 if points is None else len(points)
         wrong = mistyped(self._prim, BINDING)
         if wrong:
-            text = f"{wrong} has another type than USD's schema says; the rest shape is rendered"
+            text = f"{wrong}; the rest shape is rendered"
             self._log.warn(self._prim.GetPath(), "type", text)
             return
         if has_influences(query) and self._pose.is_empty:
@@ -245,11 +247,11 @@ class Skinned:
             times |= self._joint_times()
         if moving:
             times |= set(shutter.keys(self._rest.GetTimeSamples()))
-        rest = self._rest.Get(shutter.time)
+        rest = _vectors(self._rest.Get(shutter.time))
 
         def evaluate(time):
             code = shutter.code(time)
-            at_rest = self._rest.Get(code) if moving else rest
+            at_rest = _vectors(self._rest.Get(code)) if moving else rest
             if at_rest is None or len(at_rest) != self._count:
                 at_rest = rest  # another number of points has no influences
             points = Vt.Vec3fArray(at_rest)
@@ -351,6 +353,13 @@ class Skinned:
             False,
         )
         return np.array(normals, dtype=np.float64) @ _for_normals(self._between.at(frame))
+
+
+def _vectors(points) -> Vt.Vec3fArray | None:
+    """Points of any precision."""
+    if points is None or isinstance(points, Vt.Vec3fArray):
+        return points
+    return Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(points, dtype=np.float32))
 
 
 def _transformed(points: np.ndarray, matrix: np.ndarray) -> np.ndarray:

@@ -262,13 +262,12 @@ class BlendShapes:
 
     def _drop_mistyped(self, number: int, offsets: list, normals: list) -> None:
         shape = self._query.GetBlendShape(number)
-        name = mistyped(shape.GetPrim(), ("offsets", "normalOffsets")) if shape else None
+        wrong = mistyped(shape.GetPrim(), ("offsets", "normalOffsets")) if shape else None
         indices = shape.GetPointIndicesAttr().Get() if shape else None
         if indices is not None and not isinstance(indices, Vt.IntArray | Vt.UIntArray):
-            name = "pointIndices"
-        if name:
-            text = f"{name} has another type than USD's schema says; the shape is not used"
-            self._log.warn(self._names[number], "type", text)
+            wrong = mistyped(shape.GetPrim(), ("pointIndices",))
+        if wrong:
+            self._log.warn(self._names[number], "type", f"{wrong}; the shape is not used")
             for i, owner in enumerate(self._owner):
                 if owner == number:
                     offsets[i] = normals[i] = np.zeros((0, 3), dtype=np.float32)

@@ -86,12 +86,11 @@ class Pose:
         return False
 
     def _has_mistyped(self, prim: Usd.Prim, names: tuple) -> bool:
-        name = mistyped(prim, names)
-        if name:
+        wrong = mistyped(prim, names)
+        if wrong:
             what = "it keeps its rest shape" if prim == self.prim else "the rest pose is used"
-            text = f"{name} has another type than USD's schema says; {what}"
-            self._log.warn(prim.GetPath(), "type", text)
-        return name is not None
+            self._log.warn(prim.GetPath(), "type", f"{wrong}; {what}")
+        return wrong is not None
 
     def _check_joints(self) -> bool:
         keep = "what it skins keeps its rest shape"

@@ -23,9 +23,12 @@ class Diagnostics:
         for error in stage.GetCompositionErrors() if stage else ():
             self._log.warn(error.rootSite.path, "composition", _one_line(str(error)))
         for message in self._delegate.TakeUncoalescedDiagnostics():
-            # The stage has named these itself; what UsdSkel says of a prim, skel.py has said.
+            # The stage has named these itself; what schemas say of a prim, who reads it has said,
+            # but for transform ops.
             named = stage and message.sourceFunction.endswith("UsdStage::_ReportErrors")
-            if not named and "/usdSkel/" not in message.sourceFileName.replace("\\", "/"):
+            source = message.sourceFileName.replace("\\", "/")
+            read = "/usdSkel/" in source or ("/usdGeom/" in source and "/usdGeom/xf" not in source)
+            if not named and not read:
                 status = "STATUS" in message.diagnosticCodeString
                 level = logging.INFO if status else logging.WARNING
                 text = _one_line(message.commentary)

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from pxr import Usd, UsdGeom
 
-from .guard import FAULTS, mistyped, token, warn_unreadable
+from .guard import FAULTS, warn_unreadable
 from .log import SceneLog
+from .typed import get, token
 
 ELEMENTS = {
     "face": "FACE",
@@ -47,13 +48,11 @@ def read_subsets(prim: Usd.Prim, time: Usd.TimeCode, log: SceneLog) -> tuple[lis
     for child in _children(prim):
         subset = UsdGeom.Subset(child)
         try:
-            if name := mistyped(child, ("indices", "familyName")):
-                raise TypeError(name)
-            family = subset.GetFamilyNameAttr().Get() or ""
+            family = get(subset.GetFamilyNameAttr(), Usd.TimeCode.Default()) or ""
             if family not in families:
                 families[family] = _family_type(prim, family, log)
             indices = subset.GetIndicesAttr()
-            value = indices.Get(time)
+            value = get(indices, time)
             subsets.append(
                 Subset(
                     str(child.GetPath()),

@@ -13,11 +13,12 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from pxr import Usd, UsdGeom
+from pxr import Sdf, Usd, UsdGeom
 
 from .guard import FAULTS, warn_unreadable
 from .log import SceneLog
 from .shutter import Shutter
+from .typed import Mistyped, get
 
 TOLERANCE = 2.5e-4
 """Largest distance of the curve from the line between keys: for the linear part relative to its
@@ -156,6 +157,7 @@ class TransformReader:
             try:
                 self._own[path] = self._read(prim)
             except FAULTS as error:
+                error = _mistyped_op(prim) or error
                 warn_unreadable(self._log, path, error, "its transform is taken as none")
                 self._own[path] = None, False
         return self._own[path]
@@ -204,6 +206,33 @@ class TransformReader:
                 return True
             prim = prim.GetParent()
         return False
+
+
+OP_TYPES = {
+    "translate": Sdf.ValueTypeNames.Double3,
+    "scale": Sdf.ValueTypeNames.Double3,
+    "orient": Sdf.ValueTypeNames.Quatd,
+    "transform": Sdf.ValueTypeNames.Matrix4d,
+    "translateX": Sdf.ValueTypeNames.Double,
+    "rotateX": Sdf.ValueTypeNames.Double,
+    "rotateXYZ": Sdf.ValueTypeNames.Double3,
+}
+"""Types of transform ops in their highest precision; axes in whichever order."""
+
+
+def _mistyped_op(prim: Usd.Prim) -> Mistyped | None:
+    """What is wrong with the first transform op whose value is of another type than its kind's."""
+    for attribute in prim.GetAttributes():
+        parts = attribute.GetName().split(":")
+        if parts[0] == "xformOp" and len(parts) > 1:
+            stem = parts[1].rstrip("XYZ")
+            axes = "XYZ"[: len(parts[1]) - len(stem)]
+            expected = OP_TYPES.get(stem + axes)
+            try:
+                get(attribute, Usd.TimeCode.EarliestTime(), expected)
+            except Mistyped as error:
+                return error
+    return None
 
 
 class Between:

@@ -9,6 +9,7 @@ from pxr import Usd, UsdGeom
 
 from .log import SceneLog
 from .shutter import Shutter
+from .typed import get
 
 _TOPOLOGY = (
     "faceVertexCounts",
@@ -24,7 +25,7 @@ def changes_topology(prim: Usd.Prim, samples: list[float], shutter: Shutter) -> 
     """Whether points or topology at any of `samples` do not belong to those of the frame."""
     points = UsdGeom.PointBased(prim).GetPointsAttr()
     count = len(_at_frame(points, shutter))
-    if any(len(points.Get(time) or ()) != count for time in samples):
+    if any(len(get(points, time) or ()) != count for time in samples):
         return True
     for name in _TOPOLOGY:
         attribute = prim.GetAttribute(name)
@@ -41,11 +42,11 @@ def points_at_frame(prim: Usd.Prim, shutter: Shutter) -> np.ndarray | None:
     """Points that belong to the topology of the frame; None where there are none."""
     points = UsdGeom.PointBased(prim).GetPointsAttr()
     if shutter.frame is None:
-        return points.Get(shutter.time)
+        return get(points, shutter.time)
     around = points.GetBracketingTimeSamples(shutter.frame)
     if len(around) == 2 and changes_topology(prim, list(around), shutter):
         return _at_frame(points, shutter)
-    return points.Get(shutter.time)
+    return get(points, shutter.time)
 
 
 def warn_still(prim: Usd.Prim, log: SceneLog) -> None:
@@ -65,4 +66,4 @@ def _before(attribute: Usd.Attribute, time: float) -> float:
 
 def _at_frame(points: Usd.Attribute, shutter: Shutter):
     """The sample at or before the frame: it came with the topology that holds."""
-    return points.Get(_before(points, shutter.frame)) or ()
+    return get(points, _before(points, shutter.frame)) or ()

@@ -16,7 +16,7 @@ pub(super) fn dice_surface(
     context: &Context<'_>,
     out: &mut PrimObjects,
 ) -> Option<DicedMesh> {
-    let most = context.settings.max_micropolygons;
+    let most = context.settings.most_micropolygons(surface.face_count());
     let input = DiceInput {
         surface,
         path: target.path,
