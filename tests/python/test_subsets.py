@@ -128,7 +128,7 @@ def test_wrong_tokens_and_types():
     Sdf.AttributeSpec(spec, "indices", Sdf.ValueTypeNames.FloatArray).default = [0.5]
     add_subset(mesh, "good", [1])
     image = render(stage, aovs=AOVS)
-    one_warning(image, "/grid/bad", "another type", "this subset is ignored")
+    one_warning(image, "/grid/bad", "has the type", "this subset is ignored")
     assert image.alpha.max() == 1
     assert numbers(image)[1] == 0
 
