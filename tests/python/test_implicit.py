@@ -168,6 +168,8 @@ def test_what_tapers_does_so_up_its_axis(stage):
 def test_left_handed_turns_normals_in(stage):
     for kind in SHAPES:
         shape = add(stage, kind)
+        # A Plane is double-sided unless it says otherwise.
+        shape.CreateDoubleSidedAttr(False)
         out = render(stage, aovs=AOVS)["normal"][pixel(0.1, 0.1)]
         shape.CreateOrientationAttr("leftHanded")
         inward = render(stage, aovs=AOVS)["normal"][pixel(0.1, 0.1)]

@@ -38,6 +38,18 @@ def test_normals_are_those_of_the_side_seen_where_both_are_outsides():
             assert image["color"][MIDDLE][0] > 0.3, "lit on both sides"
 
 
+def test_planes_are_double_sided_unless_they_say_otherwise():
+    for double_sided, z, alpha in ((None, 1, 1), (False, -1, 0)):
+        stage = new_stage()
+        add_camera(stage)
+        plane = UsdGeom.Plane.Define(stage, "/plane")
+        plane.CreateOrientationAttr("leftHanded")
+        if double_sided is not None:
+            plane.CreateDoubleSidedAttr(double_sided)
+        assert render(stage, aovs=AOVS)["normal"][MIDDLE][2] == pytest.approx(z)
+        assert render(stage, cull="backUnlessDoubleSided").alpha[MIDDLE] == alpha
+
+
 def test_authored_normals_on_the_wrong_side_are_turned_to_the_viewer():
     stage = new_stage()
     add_camera(stage)
