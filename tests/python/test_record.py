@@ -524,15 +524,15 @@ def test_help_and_version(capsys):
     assert run("recrod") == 2
 
 
-@pytest.mark.parametrize("stop", [signal.SIGINT, signal.SIGTERM])
-def test_interrupted_render_keeps_what_it_had(tmp_path, stop):
+def start_endless(folder):
+    """The command at work on a render that takes minutes, once it has said its camera."""
     stage = new_stage()
     add_camera(stage, "/main_cam")
     add_cube(stage)
-    path, out = tmp_path / "scene.usda", tmp_path / "out.exr"
+    path = folder / "scene.usda"
     stage.GetRootLayer().Export(str(path))
-    out.write_bytes(b"a good file")
-    process = subprocess.Popen(
+    out = folder / "out.exr"
+    return subprocess.Popen(
         [sys.executable, "-m", "hdtrapeze", "record", path, out, "-w200", "--samples=1000000"],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -540,10 +540,19 @@ def test_interrupted_render_keeps_what_it_had(tmp_path, stop):
         # A shell that runs the tests in the background hands an ignored SIGINT down.
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )
+
+
+@pytest.mark.parametrize("stop", [signal.SIGINT, signal.SIGTERM])
+def test_interrupted_render_keeps_what_it_had(tmp_path, stop):
+    out = tmp_path / "out.exr"
+    out.write_bytes(b"a good file")
+    process = start_endless(tmp_path)
     try:
         assert process.stdout.readline().startswith("Camera:")
         time.sleep(2.0)
         process.send_signal(stop)
+        time.sleep(0.01)
+        process.send_signal(stop)  # twice, as the impatient do
         _, messages = process.communicate(timeout=30)
     finally:
         process.kill()  # where it has not stopped by itself
@@ -554,3 +563,17 @@ def test_interrupted_render_keeps_what_it_had(tmp_path, stop):
     assert str(partial) in messages
     header = exr_header(partial)
     assert header["hdtrapeze/complete"] == "false"
+
+
+@pytest.mark.parametrize("seconds", [0.15, 0.3])
+def test_interrupted_while_it_loads(tmp_path, seconds):
+    process = start_endless(tmp_path)
+    try:
+        time.sleep(seconds)
+        process.send_signal(signal.SIGINT)
+        _, messages = process.communicate(timeout=30)
+    finally:
+        process.kill()
+    # Before the first line of the command runs, Python ends by the signal itself.
+    assert process.returncode in (130, -signal.SIGINT)
+    assert "pxr" not in messages

@@ -5,16 +5,16 @@ import signal
 import sys
 import traceback
 
-from . import errors, native
-from .flags import SEE_HELP, make_parser
-from .log import set_up_command
+from . import errors
+from .interrupts import Interrupts
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Runs the command and gives its exit code (see flags.EXIT_CODES)."""
     arguments = sys.argv[1:] if arguments is None else arguments
+    interrupts = Interrupts()
     try:
-        return _run(arguments)
+        return _run(arguments, interrupts)
     except errors.Interrupted as error:
         print(f"error: {error}", file=sys.stderr)
         return error.exit_code
@@ -25,6 +25,8 @@ def main(arguments: list[str] | None = None) -> int:
     except errors.HdTrapezeError as error:
         print(f"error: {error}", file=sys.stderr)
         if isinstance(error, errors.UsageError):
+            from .flags import SEE_HELP
+
             print(SEE_HELP, file=sys.stderr)
         return error.exit_code
     except BrokenPipeError:  # the reader of stdout has gone
@@ -36,20 +38,25 @@ def main(arguments: list[str] | None = None) -> int:
         lines = str(error).strip().splitlines()
         print(f"error: {': '.join([type(error).__name__, *lines[:1]])}", file=sys.stderr)
         return errors.EXIT_RENDER
+    finally:
+        interrupts.restore()
 
 
-def _run(arguments: list[str]) -> int:
-    wants_version = "--version" in arguments
-    parser = make_parser(native.version() if wants_version else "")
+def _run(arguments: list[str], interrupts: Interrupts) -> int:
+    with interrupts.held():
+        from . import native
+        from .flags import make_parser
+        from .log import set_up_command
+
+        wants_version = "--version" in arguments
+        parser = make_parser(native.version() if wants_version else "")
     args = parser.parse_args(arguments)
     set_up_command(args.quiet, args.verbose)
     # usd-core takes half a second to load: not for --help.
-    if args.command == "dump":
-        from .dump import dump
-
-        dump(args)
-    else:
-        from .record import record
-
-        record(args)
+    with interrupts.held():
+        if args.command == "dump":
+            from .dump import dump as command
+        else:
+            from .record import record as command
+    command(args)
     return errors.EXIT_OK

@@ -5,9 +5,7 @@ output's folder and format. A frame is written under its name only once it is co
 """
 
 import resource
-import signal
 import sys
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -25,21 +23,11 @@ from .stage import Diagnostics, open_stage
 from .tracefile import Trace
 
 
-class _Terminated(KeyboardInterrupt):
-    terminated = True
-
-
 def record(args) -> None:
     """Runs the command with parsed arguments; raises HdTrapezeError."""
     trace = Trace()
     if args.traceToFile:
         check_writable(Path(args.traceToFile))
-    with suppress(ValueError):  # not in the main thread: signals are someone else's
-
-        def terminate(*_):
-            raise _Terminated
-
-        signal.signal(signal.SIGTERM, terminate)
     try:
         with trace.span("record"):
             _record(args, trace)

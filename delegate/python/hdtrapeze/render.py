@@ -9,6 +9,7 @@ from . import native
 from .camera import CameraState, effective_shutter, find_camera, framing_camera, read_camera
 from .curves import FORMS
 from .errors import Interrupted, SceneError
+from .interrupts import ignored
 from .log import SceneLog
 from .options import BACKENDS, CULLS, FILTERS, WINDOW_POLICIES, Options
 from .passes import PassCollections
@@ -174,8 +175,9 @@ class Renderer:
                 if on_progress and worker.is_alive():
                     on_progress(self.session.progress())
         except KeyboardInterrupt as interrupt:
-            self.session.cancel()
-            worker.join()
+            with ignored():
+                self.session.cancel()
+                worker.join()
             raise Interrupted("Interrupted.", getattr(interrupt, "terminated", False)) from None
         if errors:
             raise errors[0]
