@@ -163,12 +163,12 @@ def test_render_settings(scene, tmp_path, capsys):
     stage.GetRootLayer().Export(str(path))
     out = tmp_path / "a.png"
     for flags in (["-rs", "/Render/settings"], ["-rp", "/Render/pass"]):
-        assert run("record", path, out, "--samples", 1, *flags) == 0
+        assert run("record", path, out, "--samples", 1, *flags) == 1
         text = capsys.readouterr()
         assert "/other" in text.out
         assert "warning: /Render/product: it has no productName" in text.err
         assert read_png(out).shape == (30, 60, 4)
-    assert run("record", path, out, "--samples", 1, "-rs", "/Render/settings", "-w", 20) == 0
+    assert run("record", path, out, "--samples", 1, "-rs", "/Render/settings", "-w", 20) == 1
     assert read_png(out).shape == (10, 20, 4)
     assert run("record", path, out, "--samples", 1, "-rs", "/Render/none") == 1
     assert "/Render/none" in capsys.readouterr().err

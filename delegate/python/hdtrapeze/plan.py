@@ -19,6 +19,7 @@ from .products import Product, RenderVar, read_products
 from .request import Request
 from .session import Session
 from .settings import image_values
+from .unwritten import Unwritten
 
 
 @dataclass
@@ -45,6 +46,7 @@ def plan_renders(
     color: str | None,
     with_products: bool,
     session: Session,
+    unwritten: Unwritten,
     log: SceneLog,
 ) -> list[Render]:
     """The renders, the command's own image first. Says what is wrong with products."""
@@ -59,9 +61,10 @@ def plan_renders(
         return renders
     image = image_values(request.settings, log, fallbacks=True)
     camera = settings_camera(request.settings, log) or request.camera
-    for product in read_products(request.settings, log):
+    for product in read_products(request.settings, unwritten, log):
         aovs, render_vars = _aovs(product, session, log)
         if not aovs:
+            unwritten.refused.append(product.path)
             continue
         options = request.product_options(image, product.values)
         options.aovs = aovs
@@ -69,6 +72,7 @@ def plan_renders(
             options.data_window(options.width, options.height)
         except SceneError as error:
             log.warn(product.path, "data-window", f"{error} Not written")
+            unwritten.refused.append(product.path)
             continue
         output = Output(options, None, product, render_vars)
         output.metadata = facts | {"hdtrapeze/renderProduct": product.path}
@@ -83,16 +87,19 @@ def plan_renders(
 
 
 def files_of_frame(
-    renders: list[Render], frame: float | None, written: dict[str, str], log: SceneLog
-) -> tuple[list[list[tuple[Output, str]]], list[str]]:
-    """Files of each render at a frame, and the products that cannot be written.
+    renders: list[Render],
+    frame: float | None,
+    written: dict[str, str],
+    unwritten: Unwritten,
+    log: SceneLog,
+) -> list[list[tuple[Output, str]]]:
+    """Files of each render at a frame.
 
     `written` holds the files of earlier frames and who wrote them. Of several that would write
     one file, the first product does.
     """
     taken: dict[str, str] = {}
     files: list[list[tuple[Output, str]]] = [[] for _ in renders]
-    failed = []
     entries = [(i, output) for i, render in enumerate(renders) for output in render.outputs]
     # The products first: what they hold is more than the command's own colour.
     for i, output in sorted(entries, key=lambda entry: entry[1].product is None):
@@ -100,15 +107,18 @@ def files_of_frame(
             path = output.at(frame, log)
         except OutputError as error:
             log.warn(output.owner, "product-file", f"{error} Not written")
-            failed.append(output.owner)
+            unwritten.failed.append(output.owner)
             continue
         if path is None:
+            unwritten.refused.append(output.owner)
             continue
         place = _place(path)
         if place in taken:
             who = taken[place]
             text = f"{path} is already written by {who}"
-            log.warn(output.owner, "product-file", f"{text}, and not by the command")
+            other = f"not by {output.owner}" if output.product else "not by the command"
+            log.warn(output.owner, "product-file", f"{text}, and {other}")
+            unwritten.refused.append(output.owner)
             continue
         if output.product and written.get(place) == output.owner:
             text = f"each frame replaces {path}: put the frame into productName, as #### or <F4>"
@@ -116,7 +126,7 @@ def files_of_frame(
         taken[place] = output.owner
         files[i].append((output, path))
     written.update(taken)
-    return files, failed
+    return files
 
 
 def _place(path: str) -> str:

@@ -11,6 +11,7 @@ from pxr import Usd, UsdGeom, UsdRender
 from .log import SceneLog
 from .settings import effect_values, image_values
 from .targets import prim_at, targets_of, warn_target
+from .unwritten import Unwritten
 
 DRIVER = "driver:parameters:aov:"
 """Namespace in which other renderers and their exporters keep names and formats of AOVs."""
@@ -51,22 +52,27 @@ class Product:
         return value if isinstance(value, str) else ""
 
 
-def read_products(settings: UsdRender.Settings, log: SceneLog) -> list[Product]:
+def read_products(
+    settings: UsdRender.Settings, unwritten: Unwritten, log: SceneLog
+) -> list[Product]:
     """The products of a settings prim that can be written."""
     stage = settings.GetPrim().GetStage()
     products = []
     for target in targets_of(settings.GetProductsRel(), log):
         prim = UsdRender.Product(prim_at(stage, target))
         if not prim:
-            warn_target(settings.GetPrim(), "products", target, "RenderProduct", log)
+            if warn_target(settings.GetPrim(), "products", target, "RenderProduct", log):
+                unwritten.refused.append(str(target))
             continue
-        product = _read_product(prim, log)
+        product = _read_product(prim, unwritten, log)
         if product is not None:
             products.append(product)
     return products
 
 
-def _read_product(prim: UsdRender.Product, log: SceneLog) -> Product | None:
+def _read_product(
+    prim: UsdRender.Product, unwritten: Unwritten, log: SceneLog
+) -> Product | None:
     path = prim.GetPath()
     kind = prim.GetProductTypeAttr().Get()
     if kind != "raster":
@@ -80,6 +86,7 @@ def _read_product(prim: UsdRender.Product, log: SceneLog) -> Product | None:
         if not product.camera:
             text = f"its camera {cameras[0]} is no camera; not written"
             log.warn(path, "camera", text)
+            unwritten.refused.append(str(path))
             return None
     product.vars = _read_vars(prim, log)
     return product

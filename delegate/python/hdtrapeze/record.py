@@ -21,6 +21,7 @@ from .render import Renderer
 from .request import check_flags, make_request
 from .stage import Diagnostics, open_stage
 from .tracefile import Trace
+from .unwritten import Unwritten
 
 
 def record(args) -> None:
@@ -47,8 +48,7 @@ class _Command:
     stage: Usd.Stage
     written: dict[str, str] = field(default_factory=dict)
     """Files of earlier frames, and the products that wrote them."""
-    unwritten: list[str] = field(default_factory=list)
-    """Products of which a file could not be written."""
+    unwritten: Unwritten = field(default_factory=Unwritten)
 
 
 def _record(args, trace: Trace) -> None:
@@ -74,7 +74,13 @@ def _record(args, trace: Trace) -> None:
     command = _Command(args, trace, log, diagnostics, stage)
     with Renderer(request.options, log, request.render_pass) as renderer:
         renders = plan_renders(
-            request, output, args.colorCorrectionMode, not args.no_products, renderer.session, log
+            request,
+            output,
+            args.colorCorrectionMode,
+            not args.no_products,
+            renderer.session,
+            command.unwritten,
+            log,
         )
         diagnostics.report()
         _stop_at_warnings(args, log)
@@ -83,10 +89,8 @@ def _record(args, trace: Trace) -> None:
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         unit = 1 if sys.platform == "darwin" else 1024
         print(f"Peak memory: {peak * unit / 2**20:.0f} MiB")
-    if command.unwritten:
-        paths = list(dict.fromkeys(command.unwritten))
-        what = "A render product was" if len(paths) == 1 else f"{len(paths)} render products were"
-        raise OutputError(f"{what} not written: {', '.join(paths)}.")
+    if error := command.unwritten.error():
+        raise error
 
 
 def _record_frames(
@@ -125,8 +129,7 @@ def _stop_at_warnings(args, log: SceneLog) -> None:
 
 def _record_frame(command, renderer, renders, frame, details) -> None:
     """All renders of one frame."""
-    files, unwritten = files_of_frame(renders, frame, command.written, command.log)
-    command.unwritten += unwritten
+    files = files_of_frame(renders, frame, command.written, command.unwritten, command.log)
     details["seconds"] = 0.0
     for render, outputs in zip(renders, files, strict=True):
         if not outputs:
@@ -177,7 +180,7 @@ def _write(command, renderer, output: Output, path: str, facts: dict[str, str]) 
         if output.product is None:
             raise
         command.log.warn(output.owner, "product-file", str(error))
-        command.unwritten.append(output.owner)
+        command.unwritten.failed.append(output.owner)
 
 
 def _write_partial(renderer, interrupted, outputs, facts: dict[str, str]) -> None:

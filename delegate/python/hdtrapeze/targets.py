@@ -27,8 +27,12 @@ def prim_at(stage: Usd.Stage, target: Sdf.Path) -> Usd.Prim:
     return stage.GetPrimAtPath(target) if target.IsPrimPath() else Usd.Prim()
 
 
-def warn_target(prim: Usd.Prim, name: str, target: Sdf.Path, kind: str, log: SceneLog) -> None:
-    """Says that a relationship names something that is no prim of that kind."""
+def warn_target(prim: Usd.Prim, name: str, target: Sdf.Path, kind: str, log: SceneLog) -> bool:
+    """Says that a relationship names something that is no prim of that kind.
+
+    False where that is so because --mask leaves it out.
+    """
     masked = not prim.GetStage().GetPopulationMask().Includes(target.GetPrimPath())
     why = "which --mask leaves out" if masked else f"which is no {kind}"
     log.warn(prim.GetPath(), "target", f"its {name} names {target}, {why}")
+    return not masked
