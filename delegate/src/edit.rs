@@ -97,10 +97,12 @@ impl Edit {
             Edit::Curves(_) => kind == Kind::Curves,
             Edit::Camera(_) => kind == Kind::Camera,
             Edit::Instances(_) => kind == Kind::Instancer,
-            Edit::Primvar(..) | Edit::Matte(_) | Edit::PickId(_) | Edit::DoubleSided(_) => {
+            Edit::Matte(_) | Edit::PickId(_) | Edit::DoubleSided(_) => {
                 !matches!(kind, Kind::Camera | Kind::Instancer)
             }
-            Edit::PartOf(_) | Edit::Visible(_) | Edit::Motion(..) => kind != Kind::Camera,
+            Edit::Primvar(..) | Edit::PartOf(_) | Edit::Visible(_) | Edit::Motion(..) => {
+                kind != Kind::Camera
+            }
             Edit::Transform(_) | Edit::Remove => true,
         }
     }
@@ -399,6 +401,12 @@ fn edit_prim(prim: &mut PrimDesc, edit: Edit) {
 fn edit_instancer(instancer: &mut InstancerDesc, edit: Edit) {
     match edit {
         Edit::Instances(arrays) => instancer.arrays = arrays,
+        Edit::Primvar(name, Some(primvar)) => {
+            instancer.primvars.insert(name, primvar);
+        }
+        Edit::Primvar(name, None) => {
+            instancer.primvars.remove(&name);
+        }
         Edit::Transform(levels) => instancer.transform = levels,
         Edit::PartOf(part) => instancer.parent = part,
         Edit::Visible(visible) => instancer.visible = visible,

@@ -198,7 +198,7 @@ def test_a_primvar_of_many_values_on_an_implicit_prim_is_ignored(stage):
     sphere = UsdGeom.Sphere.Define(stage, "/bad")
     primvar = sphere.CreateDisplayColorPrimvar("vertex")
     primvar.Set([Gf.Vec3f(1, 0, 0)] * 4)
-    image = check(stage, "displayColor has 4 values where its implicit prim has 1", shown=True)
+    image = check(stage, "displayColor has 4 values where its shape has 1 value (round", shown=True)
     red, green, _, _ = image["color"][pixel(0.1, 0.1)]
     assert red == green > 0
     primvar.Set([Gf.Vec3f(1, 0, 0)])
@@ -628,3 +628,28 @@ def test_unknown_types_and_inactive_prototypes_are_named(stage):
     instancer.CreatePositionsAttr([(0, 0, 0)])
     image = render(stage)
     assert any("is not active" in warning[2] for warning in image.warnings), image.warnings
+
+
+def add_nest(stage, path, depth, count):
+    """An instancer of `count` instances whose prototype is such an instancer, and so on."""
+    for _ in range(depth):
+        instancer = UsdGeom.PointInstancer.Define(stage, path)
+        path += "/i"
+        instancer.CreatePrototypesRel().SetTargets([path])
+        instancer.CreateProtoIndicesAttr([0] * count)
+        instancer.CreatePositionsAttr([Gf.Vec3f(0.01 * i, 0, 0) for i in range(count)])
+        UsdGeom.Cube.Define(stage, path)  # the last stays one
+
+
+def test_hundreds_of_nested_instancers_are_rendered(stage):
+    add_nest(stage, "/nest", 400, 1)
+    image = render(stage, aovs=("color", "instanceId"))
+    assert image.warnings == []
+    assert image["instanceId"][pixel(0.1, 0.1)] == 0
+
+
+def test_what_no_memory_holds_is_counted_and_not_placed(stage):
+    add_nest(stage, "/bad", 12, 10)
+    image = check(stage, "it places 1000000000000 instances", "left out", shown=False)
+    assert image.statistics["total_seconds"] < 1.0
+    assert image.statistics["instances"] == 1

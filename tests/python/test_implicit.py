@@ -90,6 +90,66 @@ def test_depth_position_and_normals_of_a_sphere_are_exact(stage):
     assert set(np.unique(image["elementId"])) == {-1, 0}
 
 
+CUBE_SIDES = ((0, 0, 1), (0, 0, -1), (0, 1, 0), (0, -1, 0), (1, 0, 0), (-1, 0, 0))
+
+
+def test_a_cube_has_a_value_for_each_face_of_hydras_mesh(stage):
+    cube = UsdGeom.Cube.Define(stage, "/shape")
+    cube.CreateSizeAttr(4.0)
+    sides = [UsdGeom.Xformable(cube).AddRotateXYZOp().GetAttr()]
+    primvar = cube.CreateDisplayColorPrimvar("uniform")
+    primvar.Set([tuple((np.array(side) + 1) / 2) for side in CUBE_SIDES])
+    # Each side in turn to the camera.
+    turns = ((0, 0, 0), (180, 0, 0), (90, 0, 0), (-90, 0, 0), (0, -90, 0), (0, 90, 0))
+    for face, (side, turn) in enumerate(zip(CUBE_SIDES, turns, strict=True)):
+        sides[0].Set(turn)
+        image = render(stage, aovs=(*AOVS, "primvars:displayColor"))
+        at = pixel(0.1, 0.1)
+        assert image["elementId"][at] == face
+        color = image["primvars:displayColor"][at]
+        np.testing.assert_allclose(color, (np.array(side) + 1) / 2, atol=1e-6)
+    assert image.warnings == []
+
+
+@pytest.mark.parametrize("axis", "XYZ")
+@pytest.mark.parametrize("interpolation", ["vertex", "varying", "faceVarying"])
+@pytest.mark.parametrize("kind", [UsdGeom.Cube, UsdGeom.Plane])
+def test_values_at_corners_are_those_of_hydras_mesh(stage, kind, interpolation, axis):
+    shape = kind.Define(stage, "/shape")
+    if kind is UsdGeom.Cube:
+        shape.CreateSizeAttr(4.0)
+        signs = "+++ -++ --+ +-+ --- -+- ++- +--"
+        faces = (0, 1, 2, 3), (4, 5, 6, 7), (0, 6, 5, 1), (4, 7, 3, 2), (0, 3, 7, 6), (4, 2, 1, 5)
+    else:
+        shape.CreateWidthAttr(4.0)
+        shape.CreateLengthAttr(3.0)
+        shape.CreateAxisAttr(axis)
+        signs = {"X": "0++ 0-+ 0-- 0+-", "Y": "-0+ +0+ +0- -0-", "Z": "++0 -+0 --0 +-0"}[axis]
+        faces = ((0, 1, 2, 3),)
+    corners = np.array([["-0+".index(c) - 1 for c in corner] for corner in signs.split()])
+    if interpolation == "faceVarying":
+        corners = corners[np.concatenate(faces)]
+    primvar = UsdGeom.PrimvarsAPI(shape).CreatePrimvar(
+        "place", Sdf.ValueTypeNames.Float3Array, interpolation
+    )
+    primvar.Set([Gf.Vec3f(*map(float, corner)) for corner in corners])
+    turn = {"X": (0, -90, 0), "Y": (90, 0, 0), "Z": (0, 0, 0)}[axis]
+    UsdGeom.Xformable(shape).AddRotateXYZOp().Set(turn)
+    image = render(stage, aovs=("P", "elementId", "primvars:place"), samples=1)
+    hit = image["elementId"] >= 0
+    assert hit.mean() > 0.05
+    to_shape = np.linalg.inv(np.array(shape.ComputeLocalToWorldTransform(0)))[:3, :3]
+    place = image["P"][hit] @ to_shape
+    size = 2.0 if kind is UsdGeom.Cube else np.where(_along_width(axis), 2.0, 1.5)
+    np.testing.assert_allclose(image["primvars:place"][hit], place / size, atol=1e-4)
+    assert image.warnings == []
+
+
+def _along_width(axis):
+    """Which coordinates of a plane run along its width."""
+    return np.array({"X": (0, 0, 1), "Y": (1, 0, 0), "Z": (1, 0, 0)}[axis], dtype=bool)
+
+
 def test_each_pixel_of_one_sample_has_the_normal_of_its_place(stage):
     for kind in (UsdGeom.Sphere, UsdGeom.Cylinder, UsdGeom.Cone, UsdGeom.Capsule_1):
         shape = add(stage, kind, axis="Y")

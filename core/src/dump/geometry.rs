@@ -163,7 +163,7 @@ fn implicit(
     for (time, sizes) in checked.points.times.iter().zip(&checked.sizes) {
         page.line(&format!("sizes at {}: {}", number(*time), array(sizes, 3)));
     }
-    Some(Counts::one_value("implicit prim"))
+    Some(checked.primvar_counts())
 }
 
 /// NURBS curves as the curves that they become.

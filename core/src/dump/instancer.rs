@@ -1,12 +1,15 @@
 //! One instancer of a dump: which instances of which prototype there are, and their matrices at the keys
 //! of the arrays' own samples.
 
+use super::prim::write_resolved;
 use super::text::{Page, integers, matrix, number};
 use super::{write_motion, write_transform, write_warnings};
 use crate::motion::Shutter;
 use crate::scene::{InstancerDesc, PrototypeOf, Scene};
 use crate::translate::blur::prim_shutter;
 use crate::translate::instancer::Instancer;
+use crate::translate::instancer::primvars::primvar_counts;
+use crate::translate::primvar::resolve;
 
 /// Instances of a prototype that are printed; of more, the number.
 const WHOLE: usize = 24;
@@ -23,6 +26,14 @@ pub(super) fn write(page: &mut Page, desc: &InstancerDesc, scene: &Scene, shutte
         let instancer = Instancer::new(desc, None, shutter, &mut warnings);
         let own = prim_shutter(&desc.path, desc.blur_scale, shutter, &mut Vec::new());
         write_transform(page, &desc.transform, own);
+        let counts = primvar_counts(desc.arrays.instance_count);
+        for (name, primvar) in &desc.primvars {
+            let path = &desc.path;
+            let resolved = resolve(path, name, primvar, &counts, own, &mut warnings);
+            if let Some(resolved) = resolved {
+                write_resolved(page, name, &resolved);
+            }
+        }
         for prototype in instancer.prototypes() {
             let members = instancer.members(prototype);
             page.line(&format!("prototype {prototype}: {}", integers(members)));

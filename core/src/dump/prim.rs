@@ -63,7 +63,7 @@ fn title(name: &str, interpolation: Interpolation) -> String {
 }
 
 /// A primvar at its keys.
-fn write_resolved(page: &mut Page, name: &str, primvar: &Resolved) {
+pub(super) fn write_resolved(page: &mut Page, name: &str, primvar: &Resolved) {
     let (lanes, stride) = (primvar.lanes(), primvar.stride());
     for (key, time) in primvar.key_times.iter().enumerate() {
         let values = primvar.values.chunks_exact(stride);

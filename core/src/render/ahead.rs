@@ -44,13 +44,14 @@ impl Ahead {
         }
         let instancers = HashMap::new();
         let context = self.view.context(&instancers, factory, cancel);
-        let objects = prepare_prim(desc, None, &context);
+        let chain = Chain::new();
+        let objects = prepare_prim(desc, &chain, None, &context);
         if cancel.load(std::sync::atomic::Ordering::Relaxed) {
             return;
         }
         let entry = CacheEntry {
             desc: Arc::clone(desc),
-            chain: Chain::new(),
+            chain,
             objects: Arc::new(objects),
         };
         let mut entries = self.entries.lock().unwrap_or_else(PoisonError::into_inner);

@@ -18,7 +18,12 @@ pub(super) enum Broken {
     Missing,
     /// This instancer is part of its own prototype.
     Loop(PrimId),
+    /// It is in more than [`DEEPEST`] instancers.
+    Deep,
 }
+
+/// Instancers that may be nested.
+pub(super) const DEEPEST: usize = 4096;
 
 /// Finds the instancers above a prim.
 pub(super) fn chain(scene: &Scene, prim: &PrimDesc) -> Result<Chain, Broken> {
@@ -28,6 +33,9 @@ pub(super) fn chain(scene: &Scene, prim: &PrimDesc) -> Result<Chain, Broken> {
     while let Some((id, _)) = next {
         if !seen.insert(id) {
             return Err(Broken::Loop(id));
+        }
+        if seen.len() > DEEPEST {
+            return Err(Broken::Deep);
         }
         let desc = scene.instancers.get(&id).ok_or(Broken::Missing)?;
         next = desc.parent;
@@ -45,6 +53,7 @@ pub(super) fn same_chain(a: &Chain, b: &Chain) -> bool {
 /// Warns of broken chains, each once.
 pub(super) fn warn_of(broken: &[(&PrimDesc, Broken)], scene: &Scene, warnings: &mut Vec<Warning>) {
     let mut loops = BTreeSet::new();
+    let mut deep = None;
     for (prim, broken) in broken {
         match broken {
             Broken::Missing => {
@@ -54,7 +63,14 @@ pub(super) fn warn_of(broken: &[(&PrimDesc, Broken)], scene: &Scene, warnings: &
             Broken::Loop(id) => {
                 loops.insert(*id);
             }
+            Broken::Deep => deep = deep.or(Some(&prim.common.path)),
         }
+    }
+    if let Some(path) = deep {
+        let text = format!(
+            "it is in more than {DEEPEST} nested instancers; what is so deep is not rendered"
+        );
+        warnings.push(Warning::new(path, Code::Unsupported, text));
     }
     for id in loops {
         let path = scene.instancers.get(&id).map_or("", |i| i.path.as_str());
@@ -63,12 +79,13 @@ pub(super) fn warn_of(broken: &[(&PrimDesc, Broken)], scene: &Scene, warnings: &
     }
 }
 
-/// Resolves the instancers that `parts` belong to, and those above them; their warnings come in the
-/// order of creation.
+/// Resolves the instancers that `parts` belong to, and those above them, with the primvars that shading
+/// or `primvar_names` ask for; their warnings come in the order of creation.
 pub(super) fn resolve(
     scene: &Scene,
     parts: impl IntoIterator<Item = PrototypeOf>,
     shutter: Shutter,
+    primvar_names: &[String],
     warnings: &mut Vec<Warning>,
 ) -> HashMap<PrimId, Arc<Instancer>> {
     let mut resolved: HashMap<PrimId, Arc<Instancer>> = HashMap::new();
@@ -89,7 +106,8 @@ pub(super) fn resolve(
                 |(id, prototype): PrototypeOf| Some((resolved.get(&id)?.clone(), prototype));
             let parent = desc.parent.and_then(above);
             let said = said.entry(id).or_default();
-            let instancer = Instancer::new(desc, parent, shutter, said);
+            let mut instancer = Instancer::new(desc, parent, shutter, said);
+            instancer.resolve_primvars(desc, primvar_names, shutter, said);
             resolved.insert(id, Arc::new(instancer));
         }
     }

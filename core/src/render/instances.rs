@@ -155,7 +155,12 @@ impl PrimObjects {
             let matrix = |t: f64| placements.matrix(number, t);
             if let Some(shape) = shape {
                 let id = placements.id(number);
+                let before = self.placed.len();
                 self.flatten(path, shape, &matrix, &paths.keys, id, context);
+                for placed in &mut self.placed[before..] {
+                    let own = |&link: &usize| vec![placements.instance_of(number, link)];
+                    placed.numbers = self.given.links.iter().map(own).collect();
+                }
             }
         }
         self.shared = Some(shared);
@@ -196,7 +201,10 @@ impl PrimObjects {
         let present = |class: &Class| counts[usize::from(class.0)] > 0;
         for class in (1..Class::ALONE.0).map(Class).filter(present) {
             let count = counts[usize::from(class.0)];
-            let Some(set) = paths.set(class, classes, count, geometry) else {
+            let links = self.given.links.iter();
+            let numbers = links.map(|&link| paths.numbers(class, classes, count, link));
+            let set = paths.set(class, classes, count, geometry);
+            let Some((set, numbers)) = set.zip(numbers.collect()) else {
                 let text = format!("no memory for {count} of its instances; they are dropped");
                 self.warn(path, Code::Budget, text);
                 continue;
@@ -206,6 +214,7 @@ impl PrimObjects {
             self.placed.push(PlacedSet {
                 set: Arc::new(set),
                 winding: winding.clone(),
+                numbers,
             });
         }
     }
@@ -407,6 +416,22 @@ impl<'a> Paths<'a> {
             }
         }
         worst
+    }
+
+    /// The instance of instancer `link` that each placement of a class is in; `None` where there is no
+    /// memory for it.
+    fn numbers(
+        &self,
+        class: Class,
+        classes: &[Class],
+        count: usize,
+        link: usize,
+    ) -> Option<Vec<u32>> {
+        let mut numbers = Vec::new();
+        numbers.try_reserve_exact(count).ok()?;
+        let of_class = (0u64..).zip(classes).filter(|(_, c)| **c == class);
+        numbers.extend(of_class.map(|(number, _)| self.placements.instance_of(number, link)));
+        Some(numbers)
     }
 
     /// The placements of one class as a set; `None` where there is no memory for it.

@@ -11,7 +11,7 @@ use crate::film::filter::Filter;
 use crate::film::tile::{FirstHit, Keeps, PrimvarSample, Sample, Tile};
 use crate::sample::PixelSampler;
 use crate::shade::{ChannelAccess, camera_light_irradiance, camera_lit};
-use crate::trace::{Hit, Ray, TraceCounts, World};
+use crate::trace::{Hit, Ray, TraceCounts};
 
 /// Transparent layers composited along one ray; what lies behind is left out.
 pub const MAX_LAYERS: usize = 64;
@@ -203,9 +203,9 @@ impl<'a> Integrator<'a> {
         let prepared = self.prepared;
         let world = &prepared.world;
         let (entry, prim) = prepared.hit_prim(hit);
-        let shading = &prim.objects.shading;
+        let shading = &prim.shading;
         let element = world.element(hit).unwrap_or(0);
-        let channels = AtHit { world, hit };
+        let channels = AtHit { prepared, hit };
         let opacity = shading.opacity.as_ref().map_or(1.0, |source| {
             let mut value = [0.0];
             source.read(element, ray.time, &channels, &mut value);
@@ -287,19 +287,25 @@ impl<'a> Integrator<'a> {
     }
 }
 
-/// Channels at a hit.
+/// What sources ask about a hit.
 struct AtHit<'a> {
-    world: &'a World,
+    prepared: &'a Prepared,
     hit: &'a Hit,
 }
 
 impl ChannelAccess for AtHit<'_> {
     #[inline]
     fn smooth(&self, channel: usize, first: usize, out: &mut [f32]) {
-        self.world.channel_from(self.hit, channel, first, out);
+        self.prepared
+            .world
+            .channel_from(self.hit, channel, first, out);
     }
     fn nearest(&self, channel: usize, first: usize, out: &mut [f32]) {
-        self.world.channel_nearest(self.hit, channel, first, out);
+        let world = &self.prepared.world;
+        world.channel_nearest(self.hit, channel, first, out);
+    }
+    fn instance(&self, level: usize) -> usize {
+        self.prepared.instance(self.hit, level)
     }
 }
 

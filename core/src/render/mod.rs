@@ -6,8 +6,10 @@
 
 mod ahead;
 mod chains;
+mod given;
 mod instances;
 mod integrate;
+mod nests;
 mod objects;
 mod passes;
 mod prepare;

@@ -8,8 +8,10 @@ use std::collections::HashMap;
 
 use glam::{DAffine3, DVec3};
 
+use super::chains::Chain;
+use super::given::Given;
 use super::instances::{self, Shared};
-use super::primvar_aovs::{PrimPrimvars, asked_of};
+use super::primvar_aovs::{PrimPrimvar, PrimPrimvars, asked_of};
 use super::shape::{self, Shape, Target};
 use crate::bvh::ObjectGeometry;
 use crate::camera::Camera;
@@ -50,12 +52,17 @@ pub(super) struct PlacedSet {
     pub set: Arc<InstanceSet>,
     /// Where its lattices' fronts are.
     pub winding: Winding,
+    /// For each of [`Given::links`]: the instancer's instance that each of the set is in.
+    pub numbers: Vec<Vec<u32>>,
 }
 
 /// What one prim became.
 #[derive(Clone, Debug)]
 pub(super) struct PrimObjects {
+    /// What it has itself.
     pub shading: PrimShading,
+    /// What its instancers give it.
+    pub given: Given,
     pub primvars: PrimPrimvars,
     pub placed: Vec<PlacedSet>,
     pub warnings: Vec<Warning>,
@@ -76,12 +83,13 @@ pub(super) struct PrimObjects {
 
 impl PrimObjects {
     pub fn empty() -> Self {
-        let color = Source::constant(&DEFAULT_ALBEDO);
+        let color = Arc::new(Source::constant(&DEFAULT_ALBEDO));
         Self {
             shading: PrimShading {
                 color,
                 opacity: None,
             },
+            given: Given::default(),
             primvars: PrimPrimvars::default(),
             placed: Vec::new(),
             warnings: Vec::new(),
@@ -97,27 +105,35 @@ impl PrimObjects {
     }
 }
 
-/// Prepares one prim. Never fails: what cannot be rendered is left out with a warning. `old` is what it
-/// was before, where only its place may have changed.
+/// Prepares one prim, which is part of the instancers of `chain`. Never fails: what cannot be rendered is
+/// left out with a warning. `old` is what it was before, where only its place may have changed.
 pub(super) fn prepare_prim(
     prim: &PrimDesc,
+    chain: &Chain,
     old: Option<&PrimObjects>,
     context: &Context<'_>,
 ) -> PrimObjects {
     let start = Instant::now();
-    let mut out = translate(prim, old, context);
+    let mut out = translate(prim, chain, old, context);
     out.translate_seconds = start.elapsed().as_secs_f64() - out.dice_seconds - out.build_seconds;
     out
 }
 
-fn translate(prim: &PrimDesc, old: Option<&PrimObjects>, context: &Context<'_>) -> PrimObjects {
+fn translate(
+    prim: &PrimDesc,
+    chain: &Chain,
+    old: Option<&PrimObjects>,
+    context: &Context<'_>,
+) -> PrimObjects {
     let mut out = PrimObjects::empty();
     let path = &prim.common.path;
     let common = &prim.common;
     let mut warnings = Vec::new();
     let shutter = prim_shutter(path, common.blur_scale, context.shutter, &mut warnings);
     let places = Places::new(prim, shutter, context.instancers);
-    out.primvars.asked = asked_of(prim, context.primvar_aovs).cloned().collect();
+    out.primvars.asked = asked_of(prim, chain, context.primvar_aovs)
+        .cloned()
+        .collect();
     if let Ok(Places::Many(placements)) = &places
         && placements.count() == 0
     {
@@ -150,7 +166,10 @@ fn translate(prim: &PrimDesc, old: Option<&PrimObjects>, context: &Context<'_>) 
                 out.flatten(path, shape.as_ref(), &matrix, &keys, 0, context);
             }
         }
-        Ok(Places::Many(placements)) => out.instance(path, placements, old, make, context),
+        Ok(Places::Many(placements)) => {
+            out.given = Given::new(prim, placements, context.primvar_aovs);
+            out.instance(path, placements, old, make, context);
+        }
         Err(error) => {
             out.warnings.extend(warnings.iter().cloned());
             out.drop_prim(path, Code::NotFinite, &error.to_string());
@@ -199,6 +218,11 @@ impl Places {
 }
 
 impl PrimObjects {
+    /// Primvars that AOVs ask for: its own, and those that it is given.
+    pub fn sources(&self) -> impl Iterator<Item = &PrimPrimvar> {
+        self.primvars.sources.iter().chain(&self.given.primvars)
+    }
+
     pub fn warn(&mut self, path: &str, code: Code, text: impl Into<String>) {
         self.warnings.push(Warning::new(path, code, text));
     }
@@ -235,7 +259,11 @@ impl PrimObjects {
             let winding = Winding::placed(shape.is_left_handed(), keys, matrices);
             let place = Shift::new(DVec3::ZERO, geometry.mesh().origin, instance_id);
             let set = Arc::new(InstanceSet::translated(geometry, vec![place]));
-            self.placed.push(PlacedSet { set, winding });
+            self.placed.push(PlacedSet {
+                set,
+                winding,
+                numbers: Vec::new(),
+            });
         }
     }
 

@@ -9,6 +9,7 @@ use rayon::prelude::*;
 
 use super::ahead::Ahead;
 use super::chains::{self, Chain, same_chain};
+use super::nests::{Member, beyond_memory};
 use super::objects::{Context, PrimObjects, prepare_prim};
 use super::prepared::{CacheEntry, PrepareStatistics, Prepared, PreparedPrim, SetEntry};
 use super::primvar_aovs;
@@ -16,7 +17,6 @@ use crate::aov::{Aov, primvar_of};
 use crate::camera::Camera;
 use crate::diagnostics::{Code, Warning};
 use crate::effects::{EffectPlan, TimePlan};
-use crate::memory;
 use crate::motion::Shutter;
 use crate::scene::{CameraDesc, Cull, Geometry, PrimDesc, PrimId, RenderSettings, Scene};
 use crate::surface::SubdivisionFactory;
@@ -146,17 +146,19 @@ pub fn prepare_with(
         .collect();
     let same_view = previous.filter(|p| same_dicing(p.shutter, &p.camera_desc, &p.settings, &view));
     let same_rates = previous.filter(|p| same_shared_dicing(p, &view));
-    let same_primvars =
-        |objects: &PrimObjects, prim: &PrimDesc| objects.primvars.fit(prim, &view.primvar_aovs);
+    let same_primvars = |objects: &PrimObjects, prim: &PrimDesc, chain: &Chain| {
+        objects.primvars.fit(prim, chain, &view.primvar_aovs)
+    };
     let taken = |id: &PrimId, prim: &Arc<PrimDesc>, chain: &Chain| {
         let new = ahead.get(id).filter(|new| Arc::ptr_eq(&new.desc, prim));
-        let new = new.filter(|new| same_primvars(&new.objects, prim));
+        let new = new.filter(|new| same_primvars(&new.objects, prim, chain));
         if let Some(new) = new {
             return Some((Arc::clone(&new.objects), Taken::Ahead));
         }
         let old = same_view?.cache.get(id)?;
         let same = same_geometry(&old.desc, prim) && same_place(&old.desc, prim);
-        let same = same && same_chain(&old.chain, chain) && same_primvars(&old.objects, prim);
+        let same =
+            same && same_chain(&old.chain, chain) && same_primvars(&old.objects, prim, chain);
         same.then(|| (Arc::clone(&old.objects), Taken::Whole))
     };
     let found: Vec<Option<(Arc<PrimObjects>, Taken)>> = visible
@@ -168,29 +170,43 @@ pub fn prepare_with(
         .zip(&found)
         .filter(|(_, found)| found.is_none())
         .filter_map(|((_, prim, _), _)| prim.common.instancer);
-    let instancers = chains::resolve(scene, parts, view.shutter, &mut warnings);
-    let too_many = beyond_memory(&visible, &found, &instancers);
+    let instancers = chains::resolve(
+        scene,
+        parts,
+        view.shutter,
+        &view.primvar_aovs,
+        &mut warnings,
+    );
+    let members: Vec<Member<'_>> = visible
+        .iter()
+        .zip(&found)
+        .map(|((_, prim, chain), found)| Member {
+            prim,
+            chain,
+            known: found.as_ref().map(|(objects, _)| &**objects),
+        })
+        .collect();
+    let too_many = beyond_memory(&members, &instancers, &mut warnings);
+    drop(members);
     let context = view.context(&instancers, factory, cancel);
     let prepared: Vec<(Arc<PrimObjects>, Taken)> = visible
         .par_iter()
         .zip(found)
         .zip(too_many)
-        .map(|(((id, prim, _), found), too_many)| {
+        .map(|(((id, prim, chain), found), too_many)| {
+            if too_many {
+                return (Arc::new(PrimObjects::empty()), Taken::LeftOut);
+            }
             if let Some(found) = found {
                 return found;
             }
-            if let Some(why) = too_many {
-                let mut left_out = PrimObjects::empty();
-                left_out.warn(&prim.common.path, Code::Budget, why);
-                return (Arc::new(left_out), Taken::Nothing);
-            }
             let old = same_rates.and_then(|p| p.cache.get(id));
             let same = |old: &&CacheEntry| {
-                same_geometry(&old.desc, prim) && same_primvars(&old.objects, prim)
+                same_geometry(&old.desc, prim) && same_primvars(&old.objects, prim, chain)
             };
             let old = old.filter(same);
             let old = old.map(|old| &*old.objects);
-            let objects = Arc::new(prepare_prim(prim, old, &context));
+            let objects = Arc::new(prepare_prim(prim, chain, old, &context));
             let taken = match objects.diced || old.is_none() {
                 true => Taken::Nothing,
                 false => Taken::Grids,
@@ -217,6 +233,7 @@ pub fn prepare_with(
                 statistics.objects_placed += 1;
             }
             Taken::Nothing | Taken::Ahead => statistics.objects_diced += 1,
+            Taken::LeftOut => {}
         }
         if taken != Taken::Whole {
             statistics.translate_seconds += objects.translate_seconds;
@@ -228,7 +245,9 @@ pub fn prepare_with(
             chain: chain.clone(),
             objects: Arc::clone(&objects),
         };
-        cache.insert(*id, entry);
+        if taken != Taken::LeftOut {
+            cache.insert(*id, entry);
+        }
         let path = desc.common.path.clone();
         let subsets = match &desc.geometry {
             Geometry::Mesh(mesh) if aovs.contains(&Aov::SubsetId) => {
@@ -244,6 +263,7 @@ pub fn prepare_with(
             double_sided: desc.common.double_sided,
             culled: culled_side(settings.cull, desc),
             subsets,
+            shading: objects.given.shading(&objects.shading),
             objects,
             primvars: Vec::new(),
         });
@@ -370,6 +390,8 @@ enum Taken {
     Grids,
     /// All of it, from the commit before.
     Whole,
+    /// It is not prepared: there is no memory for where it would be.
+    LeftOut,
 }
 
 /// Prims that are visible, with their instancers; warns of those that have no place.
@@ -388,40 +410,6 @@ fn find_places<'a>(
     }
     chains::warn_of(&broken, scene, warnings);
     found
-}
-
-/// Bytes that an instance takes at most while a world is made: its record, its box, its share of the tree
-/// twice, its numbers. Moving ones take more; this is what keeps a mistaken count from ending the process.
-const BYTES_PER_INSTANCE: u64 = 300;
-/// Bytes for instances that are never asked about.
-const LEAST_MEMORY: u64 = 64 << 20;
-
-/// Why a prim is left out, for those whose instances do not fit into the memory that is free.
-fn beyond_memory(
-    visible: &[(&PrimId, &Arc<PrimDesc>, &Chain)],
-    found: &[Option<(Arc<PrimObjects>, Taken)>],
-    instancers: &HashMap<PrimId, Arc<Instancer>>,
-) -> Vec<Option<String>> {
-    let mut total = 0u64;
-    let mut why = Vec::with_capacity(visible.len());
-    for ((_, prim, _), found) in visible.iter().zip(found) {
-        let count = match (found, prim.common.instancer) {
-            (Some((objects, _)), _) => objects.placed.iter().map(|p| p.set.len() as u64).sum(),
-            (None, Some((id, prototype))) => instancers
-                .get(&id)
-                .map_or(0, |instancer| instancer.placement_count(prototype)),
-            (None, None) => 1,
-        };
-        let with = total.saturating_add(count.saturating_mul(BYTES_PER_INSTANCE));
-        let fits = with < LEAST_MEMORY || memory::check(with, "").is_ok();
-        if fits {
-            total = with;
-        }
-        why.push(
-            (!fits).then(|| format!("its {count} instances do not fit into memory; left out")),
-        );
-    }
-    why
 }
 
 /// True when everything that dicing and paths depend on, apart from the prims, is that of `view`.
@@ -489,7 +477,7 @@ fn place(
     let mut seen = std::collections::HashSet::new();
     for (p, prim) in prims.iter().enumerate() {
         statistics.limit_evaluations += prim.objects.limit_evaluations;
-        for placed in &prim.objects.placed {
+        for (k, placed) in prim.objects.placed.iter().enumerate() {
             let object = placed.set.object();
             if seen.insert(Arc::as_ptr(object)) {
                 let stats = object.stats();
@@ -515,6 +503,7 @@ fn place(
             };
             entries.push(SetEntry {
                 prim: p as u32,
+                placed: k as u32,
                 facets,
             });
         }
@@ -558,7 +547,7 @@ fn plan_effects(
     }
     plan.primvar_time_by = placed
         .clone()
-        .find(|p| p.objects.primvars.segments > 0)
+        .find(|p| p.objects.primvars.segments > 0 || p.objects.given.segments > 0)
         .map(|p| p.path.clone());
     plan.moving_instances = placed
         .clone()
@@ -576,7 +565,7 @@ fn plan_effects(
     plan.culled_by = culled.map(|p| p.path.clone());
     plan.transparency_by = placed
         .clone()
-        .find(|p| p.objects.shading.opacity.is_some())
+        .find(|p| p.shading.opacity.is_some())
         .map(|p| p.path.clone());
     plan
 }

@@ -10,7 +10,7 @@ use crate::camera::Camera;
 use crate::effects::EffectPlan;
 use crate::motion::Shutter;
 use crate::scene::{CameraDesc, PrimDesc, PrimId, RenderSettings};
-use crate::shade::Source;
+use crate::shade::{PrimShading, Source};
 use crate::trace::{Hit, Side, Winding, World};
 
 /// A prim as rays meet it.
@@ -28,6 +28,8 @@ pub(super) struct PreparedPrim {
     /// there are none.
     pub subsets: Vec<i32>,
     pub objects: Arc<PrimObjects>,
+    /// Its own, with what instancers give it.
+    pub shading: PrimShading,
     /// The primvar of each of [`Prepared::primvar_aovs`], in their order.
     pub primvars: Vec<Option<Arc<Source>>>,
 }
@@ -43,6 +45,8 @@ impl PreparedPrim {
 #[derive(Clone, Debug)]
 pub(super) struct SetEntry {
     pub prim: u32,
+    /// Which of the prim's sets.
+    pub placed: u32,
     /// Where the fronts of facets are; of meshes that store normals, these know.
     pub facets: Winding,
 }
@@ -108,6 +112,23 @@ impl Prepared {
     pub(super) fn hit_prim(&self, hit: &Hit) -> (&SetEntry, &PreparedPrim) {
         let entry = &self.sets[self.world.user(hit).unwrap_or(0) as usize];
         (entry, &self.prims[entry.prim as usize])
+    }
+
+    /// Which instance of an instancer a hit is in; `level` is the number of the instancer for the prim.
+    pub(super) fn instance(&self, hit: &Hit, level: usize) -> usize {
+        let (entry, prim) = self.hit_prim(hit);
+        let placed = &prim.objects.placed[entry.placed as usize];
+        match placed.numbers.get(level) {
+            Some(numbers) => {
+                let of = self.world.number_in_set(hit).and_then(|i| numbers.get(i));
+                of.map_or(usize::MAX, |&number| number as usize)
+            }
+            None => {
+                let id = self.world.instance_id(hit);
+                id.and_then(|id| usize::try_from(id).ok())
+                    .unwrap_or(usize::MAX)
+            }
+        }
     }
 
     /// Counts and times of the commit.

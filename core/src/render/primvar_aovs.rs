@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::chains::Chain;
 use super::prepared::{Prepared, PreparedPrim};
 use crate::aov::{PRIMVAR_PREFIX, PrimvarAov, WIDEST_PRIMVAR, primvar_of};
 use crate::diagnostics::{Code, Warning};
@@ -20,7 +21,7 @@ pub(super) struct PrimPrimvar {
 /// What AOVs ask for of one prim.
 #[derive(Clone, Debug, Default)]
 pub(super) struct PrimPrimvars {
-    /// Names that the prim has, usable or not; ascending.
+    /// Names that the prim or an instancer of it has, usable or not; ascending.
     pub asked: Vec<String>,
     /// Those that are usable.
     pub sources: Vec<PrimPrimvar>,
@@ -30,20 +31,22 @@ pub(super) struct PrimPrimvars {
 }
 
 impl PrimPrimvars {
-    /// True where they are what `names` ask for of `prim`.
-    pub fn fit(&self, prim: &PrimDesc, names: &[String]) -> bool {
-        asked_of(prim, names).eq(&self.asked)
+    /// True where they are what `names` ask for of `prim`, which is part of the instancers of `chain`.
+    pub fn fit(&self, prim: &PrimDesc, chain: &Chain, names: &[String]) -> bool {
+        asked_of(prim, chain, names).eq(&self.asked)
     }
 }
 
-/// Those of `names` that the prim has.
+/// Those of `names` that the prim or an instancer of it has.
 pub(super) fn asked_of<'a>(
     prim: &PrimDesc,
+    chain: &Chain,
     names: &'a [String],
 ) -> impl Iterator<Item = &'a String> {
-    names
-        .iter()
-        .filter(|name| prim.common.primvars.contains_key(*name))
+    names.iter().filter(|name| {
+        let given = || chain.iter().any(|i| i.primvars.contains_key(*name));
+        prim.common.primvars.contains_key(*name) || given()
+    })
 }
 
 /// Names of the primvars that the settings' AOVs ask for, ascending.
@@ -74,9 +77,9 @@ pub(super) fn assign(
         aovs.push(Arc::new(aov));
     }
     for prim in prims.iter_mut().filter(|_| !names.is_empty()) {
-        let own = &prim.objects.primvars.sources;
+        let objects = &prim.objects;
         let source = |name: &String| {
-            let found = own.iter().find(|primvar| primvar.name == *name)?;
+            let found = objects.sources().find(|primvar| primvar.name == *name)?;
             Some(found.source.clone())
         };
         prim.primvars = names.iter().map(source).collect();
@@ -89,8 +92,8 @@ fn decide(name: &str, prims: &[PreparedPrim], warnings: &mut Vec<Warning>) -> Pr
     let found: Vec<_> = prims
         .iter()
         .filter_map(|prim| {
-            let mut own = prim.objects.primvars.sources.iter();
-            Some((prim, own.find(|primvar| primvar.name == name)?))
+            let mut sources = prim.objects.sources();
+            Some((prim, sources.find(|primvar| primvar.name == name)?))
         })
         .collect();
     let aov = format!("{PRIMVAR_PREFIX}{name}");

@@ -101,7 +101,9 @@ pub enum ImplicitKind {
     Capsule,
 }
 
-/// An implicit prim; elementId is 0 all over.
+/// An implicit prim. Primvars of a cube or a plane have values for the faces and vertices of the mesh that
+/// Hydra draws for it (a cube's faces are +z, -z, +y, -y, +x, -x), and elementId is its face; others
+/// have one value, and elementId 0.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ImplicitDesc {
     /// What it is.

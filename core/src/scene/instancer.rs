@@ -11,11 +11,12 @@
 //!
 //! in USD's row vectors, for each instance of the prim's prototype number that is not masked.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use glam::{DMat4, Quat, Vec3};
 
-use super::{PrimId, Samples, TransformSamples};
+use super::{PrimId, PrimvarDesc, Samples, TransformSamples};
 
 /// A part of a scene: prototype number of an instancer.
 pub type PrototypeOf = (PrimId, u32);
@@ -72,6 +73,10 @@ pub struct InstancerDesc {
     pub nonlinear_samples: Option<u32>,
     /// The instances.
     pub arrays: Arc<InstanceArrays>,
+    /// Primvars by name that instances give to what they place, as if each were authored at the root of
+    /// the instance: constant, or one value an instance (all other interpolations; a single value
+    /// serves all). A prim's own primvar of the name wins, then that of the innermost instancer.
+    pub primvars: BTreeMap<String, PrimvarDesc>,
 }
 
 impl InstancerDesc {
@@ -85,6 +90,7 @@ impl InstancerDesc {
             blur_scale: 1.0,
             nonlinear_samples: None,
             arrays: Arc::default(),
+            primvars: BTreeMap::new(),
         }
     }
 }

@@ -5,6 +5,7 @@
 //! lit from both sides: outgoing radiance = albedo / pi * irradiance * |cos|.
 
 use std::f32::consts::PI;
+use std::sync::Arc;
 
 use glam::Vec3;
 
@@ -34,9 +35,9 @@ pub fn camera_lit(albedo: Vec3, n_eye: Vec3, irradiance: f32) -> Vec3 {
 #[derive(Clone, Debug, PartialEq)]
 pub struct PrimShading {
     /// Albedo.
-    pub color: Source,
+    pub color: Arc<Source>,
     /// Opacity; `None` where the prim is opaque all over.
-    pub opacity: Option<Source>,
+    pub opacity: Option<Arc<Source>>,
 }
 
 #[cfg(test)]

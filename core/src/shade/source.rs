@@ -1,6 +1,9 @@
 //! Where the value of a primvar at a hit comes from.
 
+use std::sync::Arc;
+
 use crate::grid::locate_key;
+use crate::scene::Interpolation;
 use crate::translate::primvar::{Resolved, Spread, WIDEST, join};
 
 /// What a hit tells about the channels of its diced mesh. `first` is the first float to read of a
@@ -10,6 +13,9 @@ pub trait ChannelAccess {
     fn smooth(&self, channel: usize, first: usize, out: &mut [f32]);
     /// Of the nearest corner of the micropolygon.
     fn nearest(&self, channel: usize, first: usize, out: &mut [f32]);
+    /// The number of the instance that was hit, among those of the instancer that the prim numbers
+    /// `level`.
+    fn instance(&self, level: usize) -> usize;
 }
 
 /// A primvar of one prim, ready to be read at hits.
@@ -31,6 +37,9 @@ enum Data {
     Uniform(Vec<f32>),
     /// A channel of the diced mesh, `[key][lane]` at each vertex.
     Channel(usize),
+    /// One item for each instance of an instancer that the prim numbers so; shared by all that the
+    /// instancer places.
+    Instance(usize, Arc<Resolved>),
 }
 
 /// Floats that a value can have at one key.
@@ -55,10 +64,7 @@ impl Source {
         channels: &mut Vec<C>,
     ) -> Self {
         let (lanes, is_integer) = (resolved.lanes(), resolved.is_integer);
-        let key_times = match resolved.key_times.as_slice() {
-            [_] => Vec::new(),
-            times => times.to_vec(),
-        };
+        let key_times = key_times(&resolved);
         let data = match spread(resolved) {
             Spread::Constant(value) => Data::Constant(value),
             Spread::Uniform(values) => Data::Uniform(values),
@@ -72,6 +78,21 @@ impl Source {
             is_integer,
             data,
             key_times,
+        }
+    }
+
+    /// A value for each instance of the instancer that the prim numbers `level`; one for all where
+    /// `resolved` is constant.
+    pub fn instanced(resolved: &Arc<Resolved>, level: usize) -> Self {
+        let data = match resolved.interpolation {
+            Interpolation::Constant => Data::Constant(resolved.item(0).to_vec()),
+            _ => Data::Instance(level, Arc::clone(resolved)),
+        };
+        Self {
+            lanes: resolved.lanes(),
+            is_integer: resolved.is_integer,
+            data,
+            key_times: key_times(resolved),
         }
     }
 
@@ -155,16 +176,28 @@ impl Source {
                 let stride = self.lanes * self.key_times.len().max(1);
                 copy(values, element as usize * stride + first);
             }
+            Data::Instance(level, resolved) => match channels.instance(*level) {
+                i if i < resolved.item_count() => copy(resolved.item(i), first),
+                _ => out.fill(0.0),
+            },
             Data::Channel(i) if self.is_integer => channels.nearest(*i, first, out),
             Data::Channel(i) => channels.smooth(*i, first, out),
         }
     }
 }
 
+/// Those of a source: none where nothing changes.
+fn key_times(resolved: &Resolved) -> Vec<f32> {
+    match resolved.key_times.as_slice() {
+        [_] => Vec::new(),
+        times => times.to_vec(),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Interpolation, PrimvarRole};
+    use crate::scene::PrimvarRole;
     use crate::translate::primvar::split;
 
     /// Channels whose floats are their own numbers.
@@ -178,6 +211,9 @@ mod tests {
         }
         fn nearest(&self, _: usize, first: usize, out: &mut [f32]) {
             out.copy_from_slice(&split(-70_000 - first as i32));
+        }
+        fn instance(&self, level: usize) -> usize {
+            level
         }
     }
 
@@ -228,6 +264,22 @@ mod tests {
         moving.read(0, 0.5, &Numbers, &mut out);
         assert_eq!(out, [101.5, 102.5]);
         assert_eq!(channels.len(), 2);
+    }
+
+    #[test]
+    fn values_by_instance_and_time() {
+        let mut values = resolved(1, &[0.0, 1.0], false);
+        values.values = vec![0.0, 1.0, 10.0, 20.0];
+        values.indices = vec![1, 0];
+        let values = Arc::new(values);
+        let at = |instance, time| {
+            let mut out = [-1.0];
+            Source::instanced(&values, instance).read(7, time, &Numbers, &mut out);
+            out[0]
+        };
+        assert_eq!((at(0, 0.0), at(0, 0.5)), (10.0, 15.0));
+        assert_eq!(at(1, 1.0), 1.0);
+        assert_eq!(at(2, 1.0), 0.0, "an instance without a value");
     }
 
     #[test]

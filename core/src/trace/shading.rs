@@ -36,6 +36,11 @@ impl World {
         self.hit_instance(hit).map(|(set, _)| set.user)
     }
 
+    /// The number of the instance that was hit among those of its set.
+    pub fn number_in_set(&self, hit: &Hit) -> Option<usize> {
+        self.hit_instance(hit).map(|(_, i)| i)
+    }
+
     /// The number of the instance that was hit, as the host knows it.
     pub fn instance_id(&self, hit: &Hit) -> Option<i32> {
         self.hit_instance(hit).map(|(set, i)| set.set.id(i))

@@ -13,7 +13,9 @@ use crate::motion::{Shutter, Timeline};
 use crate::scene::{Axis, ImplicitDesc, ImplicitKind};
 use crate::surface::polygon::PolygonSurface;
 use crate::surface::quadric::{Profile, QuadricSurface};
-use crate::surface::{LimitSurface, MeshTopology, Orientation, Scheme};
+use crate::surface::{Channel, LimitSurface, MeshTopology, Orientation, Scheme};
+use crate::translate::mesh::CheckedMesh;
+use crate::translate::primvar::{Count, Counts, Resolved, Spread};
 
 /// Largest distance of a point's path from the chord between keys, as a share of the largest size.
 const CURVE_TOLERANCE: f64 = 2.5e-4;
@@ -24,6 +26,9 @@ pub struct CheckedImplicit {
     pub sizes: Vec<[f64; 3]>,
     /// The surface, at every key.
     pub surface: Box<dyn LimitSurface>,
+    /// What a cube or a plane is made of: primvars have values for its faces and vertices. Round
+    /// shapes have none.
+    pub faces: Option<CheckedMesh>,
     /// Points that bound it.
     pub points: PointKeys,
 }
@@ -86,12 +91,13 @@ pub fn check(
         return None;
     }
     let times = times.iter().map(|&t| t as f32).collect();
-    let (surface, points) = make(desc, times, &sizes, reversed);
+    let (surface, faces, points) = make(desc, times, &sizes, reversed);
     let mut reach = points.points.iter().flatten();
     if reach.all(|p| p.abs().max_element() < LARGEST_COORDINATE) {
         return Some(CheckedImplicit {
             sizes,
             surface,
+            faces,
             points,
         });
     }
@@ -101,6 +107,57 @@ pub fn check(
         "its sizes make it too large to render; the prim is dropped".to_owned(),
     );
     None
+}
+
+impl CheckedImplicit {
+    /// How many values a primvar has.
+    pub fn primvar_counts(&self) -> Counts {
+        match &self.faces {
+            Some(faces) => Counts {
+                prim: "shape",
+                ..faces.primvar_counts()
+            },
+            None => ROUND,
+        }
+    }
+
+    /// The surface with what is to be evaluated over it.
+    pub fn with_channels(mut self, channels: Vec<Channel>) -> Self {
+        if let Some(faces) = self.faces.as_ref().filter(|_| !channels.is_empty()) {
+            self.surface = faces.polygons(channels);
+        }
+        self
+    }
+
+    /// Spreads a primvar that was resolved with [`CheckedImplicit::primvar_counts`].
+    pub fn spread(&self, resolved: Resolved) -> Spread<Channel> {
+        match &self.faces {
+            Some(faces) => faces.spread(resolved),
+            None => resolved.into_constant(),
+        }
+    }
+}
+
+/// Primvars of round shapes: Hydra's meshes for them have so many faces as it sees fit.
+const ROUND: Counts = {
+    let one = Count(
+        1,
+        "value (round shapes have no faces or vertices of their own)",
+    );
+    Counts {
+        uniform: one,
+        varying: one,
+        vertex: one,
+        face_varying: one,
+        ..Counts::one_value("shape")
+    }
+};
+
+impl CheckedMesh {
+    fn polygons(&self, channels: Vec<Channel>) -> Box<dyn LimitSurface> {
+        let surface = PolygonSurface::new(&self.topology, &self.points.points, channels);
+        Box::new(surface.expect("quads over as many points"))
+    }
 }
 
 /// What the sizes of a kind are called in USD, in the order of [`ImplicitKind`].
@@ -154,12 +211,16 @@ fn make(
     times: Vec<f32>,
     sizes: &[[f64; 3]],
     reversed: bool,
-) -> (Box<dyn LimitSurface>, PointKeys) {
+) -> (Box<dyn LimitSurface>, Option<CheckedMesh>, PointKeys) {
     let orientation = desc.orientation;
     match desc.kind {
         ImplicitKind::Cube => {
             let points = sizes.iter().map(|s| cube_points(s[0])).collect();
-            polygons(&CUBE_FACES, orientation, PointKeys { times, points })
+            polygons(
+                CUBE_FACES.as_flattened(),
+                orientation,
+                PointKeys { times, points },
+            )
         }
         ImplicitKind::Plane => {
             let points = sizes.iter().map(|s| plane_points(desc.axis, s)).collect();
@@ -169,7 +230,7 @@ fn make(
             let points = sizes.iter().map(|s| cube_points(2.0 * s[0])).collect();
             let radii = sizes.iter().map(|s| s[0]).collect();
             let surface = QuadricSurface::sphere(radii, orientation);
-            (Box::new(surface), PointKeys { times, points })
+            (Box::new(surface), None, PointKeys { times, points })
         }
         kind => {
             let profiles: Vec<Profile> = sizes.iter().map(|s| profile(kind, s)).collect();
@@ -185,7 +246,7 @@ fn make(
             };
             let points = profiles.iter().map(boxed).collect();
             let surface = QuadricSurface::revolved(profiles, desc.axis, reversed, orientation);
-            (Box::new(surface), PointKeys { times, points })
+            (Box::new(surface), None, PointKeys { times, points })
         }
     }
 }
@@ -199,27 +260,36 @@ fn along_axis(axis: Axis, p: DVec3) -> DVec3 {
     }
 }
 
-/// Bits 0, 1 and 2 of a corner's number are set where x, y and z are positive.
+/// In the order of the mesh that Hydra draws for a cube: around the +z face, then around the -z face.
 fn cube_points(size: f64) -> Vec<Vec3> {
     let half = (0.5 * size) as f32;
-    let sign = |i: u32, bit: u32| if i >> bit & 1 == 1 { half } else { -half };
-    let corner = |i: u32| Vec3::new(sign(i, 0), sign(i, 1), sign(i, 2));
-    (0..8).map(corner).collect()
+    let (p, n) = (half, -half);
+    let around = |z| [[p, p, z], [n, p, z], [n, n, z], [p, n, z]].map(Vec3::from_array);
+    let [a, b, c, d] = around(n);
+    around(p).into_iter().chain([c, b, a, d]).collect()
 }
 
-/// Counter-clockwise from outside.
-const CUBE_FACES: [u32; 24] = [
-    1, 3, 7, 5, 0, 4, 6, 2, 2, 6, 7, 3, 0, 1, 5, 4, 4, 5, 7, 6, 0, 2, 3, 1,
+/// In Hydra's order, too: +z, -z, +y, -y, +x, -x. Counter-clockwise from outside.
+const CUBE_FACES: [[u32; 4]; 6] = [
+    [0, 1, 2, 3],
+    [4, 5, 6, 7],
+    [0, 6, 5, 1],
+    [4, 7, 3, 2],
+    [0, 3, 7, 6],
+    [4, 2, 1, 5],
 ];
 
 /// Width runs along x, or along z where the plane faces x; length along y, or along z where it faces
-/// y. Counter-clockwise from where it faces.
+/// y. Counter-clockwise from where it faces, in the order of Hydra's mesh.
 fn plane_points(axis: Axis, &[width, length, _]: &[f64; 3]) -> Vec<Vec3> {
-    let (u, v) = match axis {
-        Axis::Z => (width, length),
-        Axis::X | Axis::Y => (length, width),
+    let (u, v, first) = match axis {
+        Axis::Z => (width, length, 1),
+        Axis::X => (length, width, 1),
+        Axis::Y => (length, width, 0),
     };
-    [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]
+    let mut corners = [(0.5, -0.5), (0.5, 0.5), (-0.5, 0.5), (-0.5, -0.5)];
+    corners.rotate_left(first);
+    corners
         .map(|(a, b)| along_axis(axis, DVec3::new(a * u, b * v, 0.0)).as_vec3())
         .to_vec()
 }
@@ -228,7 +298,7 @@ fn polygons(
     indices: &[u32],
     orientation: Orientation,
     points: PointKeys,
-) -> (Box<dyn LimitSurface>, PointKeys) {
+) -> (Box<dyn LimitSurface>, Option<CheckedMesh>, PointKeys) {
     let topology = MeshTopology {
         scheme: Scheme::None,
         orientation,
@@ -237,11 +307,16 @@ fn polygons(
         face_vertex_indices: indices.to_vec(),
         ..MeshTopology::default()
     };
-    let surface = PolygonSurface::new(&topology, &points.points, Vec::new());
-    (
-        Box::new(surface.expect("quads over as many points")),
-        points,
-    )
+    let faces = CheckedMesh {
+        elements: (0..indices.len() as u32 / 4).collect(),
+        face_vertices: (0..indices.len() as u32).collect(),
+        authored_faces: indices.len() / 4,
+        authored_face_vertices: indices.len(),
+        topology,
+        points: points.clone(),
+    };
+    let surface = faces.polygons(Vec::new());
+    (surface, Some(faces), points)
 }
 
 #[cfg(test)]

@@ -96,7 +96,6 @@ def read_point_instancer(
     if missing:
         log.warn(path, "topology", f"it has no {' and no '.join(missing)}; it is not rendered")
         return instances
-    _warn_of_primvars(instancer, log)
     instances.count = len(instances.prototypes)
     instances.mask = _mask(instancer, instances.count, shutter, log)
     has_rates = _read_rates(instances, rates, shutter, path, log)
@@ -112,16 +111,6 @@ def read_point_instancer(
             continue
         setattr(instances, name, samples)
     return instances
-
-
-def _warn_of_primvars(instancer: UsdGeom.PointInstancer, log: SceneLog) -> None:
-    """Prototypes inherit constant primvars; a value for each instance is not passed on."""
-    api = UsdGeom.PrimvarsAPI(instancer)
-    for name in ("displayColor", "displayOpacity"):
-        primvar = api.GetPrimvar(name)
-        if primvar and primvar.HasAuthoredValue() and primvar.GetInterpolation() != "constant":
-            text = f"{name} with a value for each instance is not supported yet; it is ignored"
-            log.warn(instancer.GetPath(), f"primvar-{name}", text)
 
 
 def _samples(

@@ -5,21 +5,31 @@ session the prims there are part of. Instancers of the session are made when the
 them: native instances have one for each motion that is asked for, since it reads their transforms.
 """
 
+from collections.abc import Generator
 from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
 from pxr import Sdf, Usd
 
+from .inherited import digest
 from .instances import Instances, native_instances
 from .motion import Motion
 
 NONE = (0, 0)
 """The part of prims that are part of nothing."""
 
+LONGEST_PREFIX = 400
+
 
 class Part(Protocol):
     """The prototype of an instancer."""
+
+    def known(self, motion: Motion) -> tuple[int, int] | None:
+        """What `resolve` gave for this motion; None where it was not asked for yet."""
+
+    def outer(self, motion: Motion) -> "tuple[Place, Motion]":
+        """Where the instancer is, and the motion that it is resolved with there."""
 
     def resolve(self, motion: Motion) -> tuple[int, int]:
         """Instancer and prototype number, for a prim with this motion; sends what is not there."""
@@ -42,10 +52,56 @@ class Place:
     """Around native instances: where what ignores its parents is (resetXformStack)."""
     natives: "Natives | None" = None
     """Native instances that may differ in what they inherit; the walk is in the first of them."""
+    given: tuple[tuple[Sdf.Path, frozenset[str]], ...] = ()
+    """The roots of the prototypes around, the innermost first, and names of the primvars that their
+    instancers give."""
 
     def resolve(self, motion: Motion) -> tuple[int, int]:
         """The part of a prim with this motion."""
+        # The outermost first, so that no depth of nesting becomes a depth of calls.
+        waiting, place, wanted = [], self, motion
+        while place.part and place.part.known(wanted) is None:
+            waiting.append((place.part, wanted))
+            place, wanted = place.part.outer(wanted)
+        for part, wanted in reversed(waiting):
+            part.resolve(wanted)
         return self.part.resolve(motion) if self.part else NONE
+
+    def gives(self, name: str, source: Sdf.Path) -> bool:
+        """Whether instancers give a prim here the primvar, although it inherits one from `source`.
+
+        A value of an instance counts as if it were authored at the root of the prototype.
+        """
+        for root, names in self.given:
+            if source.HasPrefix(root):
+                return False
+            if name in names:
+                return True
+        return False
+
+
+def run_nested(walk: Generator) -> None:
+    """Runs a generator that yields others, each to be run before it goes on, at any depth."""
+    stack, error = [walk], None
+    while stack:
+        try:
+            below = stack[-1].throw(error) if error else next(stack[-1])
+        except StopIteration:
+            stack.pop()
+            error = None
+        except Exception as raised:  # for the one that yielded it to handle
+            stack.pop()
+            if not stack:
+                raise
+            error = raised
+        else:
+            stack.append(below)
+            error = None
+
+
+def short_prefix(key: str) -> str:
+    """A prefix for keys of what is inside; it does not grow with each level."""
+    return key if len(key) < LONGEST_PREFIX else f"#{digest(key)}/"
 
 
 @dataclass
@@ -54,6 +110,14 @@ class PointPart:
 
     instancer: "PointInstancer"
     number: int
+
+    def known(self, motion: Motion) -> tuple[int, int] | None:
+        """See Part."""
+        return (self.instancer.id, self.number) if self.instancer.id else None
+
+    def outer(self, motion: Motion) -> tuple[Place, Motion]:
+        """See Part."""
+        return self.instancer.place, self.instancer.motion()
 
     def resolve(self, motion: Motion) -> tuple[int, int]:
         """See Part. A point instancer has its own motion."""
@@ -70,13 +134,18 @@ class PointInstancer:
     key: str
     arrays: Instances | None = None
     """What the session does not have yet."""
-    _id: int = 0
+    id: int = 0
+    """The instancer of the session; 0 where it was not asked for yet."""
+
+    def motion(self) -> Motion:
+        """Its own motion."""
+        return self.sync.motion_of(self.prim)
 
     def resolve(self) -> int:
         """Its instancer of the session; sent when first asked for."""
-        if not self._id:
-            self._id = self.sync.send_point_instancer(self)
-        return self._id
+        if not self.id:
+            self.id = self.sync.send_point_instancer(self)
+        return self.id
 
 
 @dataclass
@@ -95,6 +164,7 @@ class Natives:
     """Instances and instancers in the first of them, with the purposes that they inherit."""
     _partitions: dict[bytes, int] = field(default_factory=dict)
     _levels: dict = field(default_factory=dict)
+    _ids: dict[tuple[bytes, Motion], int] = field(default_factory=dict)
 
     @property
     def first(self) -> Usd.Prim:
@@ -121,9 +191,18 @@ class Natives:
 
     def resolve(self, partition: np.ndarray, motion: Motion) -> int:
         """The instancer of the session that has the prototypes of `partition`."""
+        known = self.known(partition, motion)
+        if known:
+            return known
         name = self._partitions.setdefault(partition.tobytes(), len(self._partitions))
         blur = "" if motion == Motion() else f"{motion.blur_scale:g},{motion.nonlinear_samples}"
-        return self.sync.send_natives(self, f"{self.key}#{name}{blur}", partition, motion)
+        sent = self.sync.send_natives(self, f"{self.key}#{name}{blur}", partition, motion)
+        self._ids[partition.tobytes(), motion] = sent
+        return sent
+
+    def known(self, partition: np.ndarray, motion: Motion) -> int | None:
+        """What `resolve` gave before."""
+        return self._ids.get((partition.tobytes(), motion))
 
     def read(self, partition: np.ndarray, timing) -> Instances:
         """Arrays of the session's instancer."""
@@ -144,6 +223,15 @@ class NativePart:
     natives: Natives
     partition: np.ndarray
     number: int
+
+    def known(self, motion: Motion) -> tuple[int, int] | None:
+        """See Part."""
+        known = self.natives.known(self.partition, motion)
+        return (known, self.number) if known else None
+
+    def outer(self, motion: Motion) -> tuple[Place, Motion]:
+        """See Part."""
+        return self.natives.place, motion
 
     def resolve(self, motion: Motion) -> tuple[int, int]:
         """See Part."""

@@ -3,7 +3,7 @@
 Nothing is checked here but that they hold numbers: the renderer checks counts and indices.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +13,8 @@ from .log import SceneLog
 from .shutter import Shutter, bracketing_samples
 from .typed import Mistyped, get
 
-SHADED = ("displayColor", "displayOpacity", "normals", "widths")
+SHAPING = ("normals", "widths")
+SHADED = ("displayColor", "displayOpacity", *SHAPING)
 AOV_PREFIX = "primvars:"
 
 TYPES = {
@@ -81,18 +82,32 @@ def wanted_primvars(aovs: Iterable[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys((*SHADED, *asked)))
 
 
+def instance_primvars(instancer: Usd.Prim, names: Iterable[str]) -> list[str]:
+    """Those of `names` that a point instancer has itself, to give them to its instances."""
+    api = UsdGeom.PrimvarsAPI(instancer)
+    names = [name for name in names if name not in SHAPING]
+    return [name for name in names if api.GetPrimvar(name).HasAuthoredValue()]
+
+
 def read_primvars(
-    prim: UsdGeom.Gprim, shutter: Shutter, names: Iterable[str], log: SceneLog
+    prim: Usd.Prim,
+    shutter: Shutter,
+    names: Iterable[str],
+    log: SceneLog,
+    hides: Callable[[str, Sdf.Path], bool] = lambda name, source: False,
 ) -> tuple[dict[str, Primvar], bool]:
     """The primvars of these names, and whether they may differ at another frame.
 
-    What cannot be used is left out with a warning.
+    What cannot be used is left out with a warning, and what something nearer hides without one:
+    `hides` gets the name, and the path of the prim that has it.
     """
     found, varies = {}, False
     api = UsdGeom.PrimvarsAPI(prim)
     for name in names:
         primvar = api.FindPrimvarWithInheritance(name)
         if primvar and primvar.HasAuthoredValue():
+            if hides(name, primvar.GetAttr().GetPrimPath()):
+                continue
             authored = _Authored.of_primvar(primvar)
         else:
             authored = _attribute(prim, name)
@@ -143,7 +158,7 @@ def _own(attribute: Usd.Attribute, interpolation: str) -> _Authored:
     return _Authored(attribute, interpolation, fallback="vertex")
 
 
-def _attribute(prim: UsdGeom.Gprim, name: str) -> _Authored | None:
+def _attribute(prim: Usd.Prim, name: str) -> _Authored | None:
     """What schemas have as attributes of their own; a primvar of the name wins."""
     if name == "normals":
         points = UsdGeom.PointBased(prim)

@@ -7,6 +7,7 @@ a render pass says) is looked at in each, and prims that it concerns are split. 
 only what may vary in time is read and sent again; after an edit of the stage, everything.
 """
 
+from collections.abc import Generator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -18,8 +19,8 @@ from .instances import read_point_instancer
 from .log import SceneLog
 from .motion import Motion, MotionReader, Timing
 from .passes import PassCollections
-from .places import NONE, Natives, Place, PointInstancer, PointPart
-from .primvars import SHADED, read_primvars
+from .places import NONE, Natives, Place, PointInstancer, PointPart, run_nested, short_prefix
+from .primvars import SHADED, instance_primvars, read_primvars
 from .session import Session
 from .shapes import Shape, find_reader
 from .shutter import Shutter
@@ -30,6 +31,9 @@ from .typed import get_or_fallback, get_or_ignore, token
 
 VISIBILITIES = ("inherited", "invisible")
 PURPOSES = ("default", "render", "proxy", "guide")
+
+Walk = Generator["Walk", None, bool | None]
+"""A walk that yields walks of what is nested in it, see run_nested."""
 
 
 @dataclass
@@ -59,6 +63,8 @@ class _SentInstancer:
     prototypes: list[int] = field(default_factory=list)
     """Those that have instances."""
     varies: bool = True
+    primvars: set[str] = field(default_factory=set)
+    primvars_vary: bool = True
 
 
 class SceneSync:
@@ -99,7 +105,7 @@ class SceneSync:
         """Which primvars the next sync sends."""
         if names != self._primvar_names:
             self._primvar_names = names
-            for sent in self._sent.values():
+            for sent in (*self._sent.values(), *self._instancers.values()):
                 sent.primvars_vary = True
 
     def sync(self, stage: Usd.Stage, shutter: Shutter, transforms: TransformReader) -> None:
@@ -118,7 +124,7 @@ class SceneSync:
         self._inherited = Inherited(shutter, self._primvar_names)
         self.has_hidden = False
         self._ignored = {"lights": 0, "materials": 0}
-        self._walk([(stage.GetPseudoRoot(), "default")], Place())
+        run_nested(self._walk([(stage.GetPseudoRoot(), "default")], Place()))
         for key in self._sent.keys() - self._seen:
             self._session.remove(self._sent.pop(key).prim)
         for key in self._instancers.keys() - self._seen:
@@ -133,12 +139,12 @@ class SceneSync:
             sent.shape = None
             sent.shape_varies = sent.primvars_vary = True
         for sent in self._instancers.values():
-            sent.varies = True
+            sent.varies = sent.primvars_vary = True
         self._skinning.forget()
 
     # The walk ------------------------------------------------------------------------------------
 
-    def _walk(self, roots: list[tuple[Usd.Prim, str]], place: Place) -> None:
+    def _walk(self, roots: list[tuple[Usd.Prim, str]], place: Place) -> Walk:
         """Emits subtrees, each with the purpose that it inherits; native instances come last."""
         groups: dict[tuple, list[Usd.Prim]] = {}
         if not roots:
@@ -163,7 +169,7 @@ class SceneSync:
                 try:
                     if prim.IsA(UsdSkel.Root):
                         self._enter_skeletons(prim, place, predicate)
-                    if self._visit(prim, purpose, place, groups):
+                    if (yield from self._visit(prim, purpose, place)):
                         continue
                 except FAULTS as error:
                     self._leave_out(prim, error)
@@ -185,7 +191,8 @@ class SceneSync:
             children = prim.GetFilteredChildren(predicate)
             stack += [(child, purpose) for child in reversed(children)]
         for (prototype, purpose, _), members in groups.items():
-            self._walk_natives(str(prototype), purpose, members, self._home(members[0], place))
+            home = self._home(members[0], place)
+            yield from self._walk_natives(str(prototype), purpose, members, home)
 
     def _is_invisible(self, imageable: UsdGeom.Imageable) -> bool:
         attribute, time = imageable.GetVisibilityAttr(), self._shutter.time
@@ -226,28 +233,29 @@ class SceneSync:
 
     def _walk_natives(
         self, prototype: str, purpose: str, members: list[Usd.Prim], place: Place
-    ) -> None:
+    ) -> Walk:
         """Emits native instances of one prototype."""
         predicate = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
         if len(members) == 1:
             # It stands for itself.
             children = members[0].GetFilteredChildren(predicate)
-            self._walk([(child, purpose) for child in children], place)
+            yield self._walk([(child, purpose) for child in children], place)
             return
-        key = f"{place.prefix}<{prototype} {purpose}>"
+        key = short_prefix(f"{place.prefix}<{prototype} {purpose}>")
         # An instance that comes and goes keeps its number.
         numbers = self._native_numbers.setdefault(key, {})
         by_number = {numbers.setdefault(str(p.GetPath()), len(numbers)): p for p in members}
         natives = Natives(self, place, key, by_number, len(numbers))
         first = natives.first
-        inside = Place(natives.everything(), None, first, key, place.instancers, place)
+        everything = natives.everything()
+        inside = replace(place, part=everything, top=None, below=first, prefix=key, outer=place)
         # Each instance may be another where a skeleton or a render pass looks at it.
         alike = not self._pass and not _has_skeletons(first, predicate)
         what = {n: self._outside_of(p, None if alike else n) for n, p in by_number.items()}
         if len(set(what.values())) > 1:
             inside = replace(inside, natives=natives)
         children = first.GetFilteredChildren(predicate)
-        self._walk([(child, purpose) for child in children], inside)
+        yield self._walk([(child, purpose) for child in children], inside)
         # Instances and instancers in them are walked once for all that are alike.
         for number, kind, part in natives.classes(what) if natives.nested else ():
             instance = by_number[number]
@@ -257,21 +265,22 @@ class SceneSync:
             ]
             roots = [(self._stage.GetPrimAtPath(path), own) for path, own in paths]
             prefix = f"{key}#{digest(kind)}"
-            self._walk(roots, Place(part, None, instance, prefix, place.instancers, place))
+            there = replace(inside, part=part, below=instance, prefix=prefix, natives=None)
+            yield self._walk(roots, there)
 
     def _outside_of(self, instance: Usd.Prim, number: int | None) -> tuple:
         """What prims in a native instance may get from outside of it."""
         return self._inherited.below(instance), self._motion.of(instance), number
 
-    def _visit(self, prim, purpose, place, groups) -> bool:
-        """Emits one imageable prim; True where its children are not to be visited."""
+    def _visit(self, prim: Usd.Prim, purpose: str, place: Place) -> Walk:
+        """Emits one imageable prim; returns True where its children are not to be visited."""
         if self._draw_modes and (prim.IsModel() or prim.HasAPI(UsdGeom.ModelAPI)):
             self._check_draw_mode(prim)
         if prim.IsA(UsdGeom.PointInstancer):
             if place.natives:
                 place.natives.nested.append((prim, purpose))
             elif purpose in self._purposes and self._shows(prim, place):
-                self._walk_instancer(UsdGeom.PointInstancer(prim), purpose, place)
+                yield from self._walk_instancer(UsdGeom.PointInstancer(prim), purpose, place)
             return True
         if prim.HasAPI(UsdLux.LightAPI):
             self._ignored["lights"] += 1
@@ -348,7 +357,7 @@ class SceneSync:
         warn_unreadable(self._log, prim.GetPath(), error, "not rendered")
         self.has_hidden = True
 
-    def _walk_instancer(self, instancer, purpose, place: Place) -> None:
+    def _walk_instancer(self, instancer, purpose, place: Place) -> Walk:
         """Emits the prototypes of a point instancer that have instances."""
         prim, path = instancer.GetPrim(), instancer.GetPath()
         if path in place.instancers:
@@ -367,6 +376,7 @@ class SceneSync:
                 count, known = point.arrays.count, len(targets)
                 text = f"{count} of {count} protoIndices point at none of its {known} prototypes"
                 self._log.warn(path, "topology", f"{text}; it is not rendered")
+        names = frozenset(instance_primvars(prim, self._primvar_names))
         for number in used:
             target = targets[number]
             if self._pass and self._pass.prunes_with_parents(target):
@@ -376,9 +386,14 @@ class SceneSync:
                 what = "is not active" if prototype else "does not exist"
                 self._log.warn(path, "prototype", f"its prototype {target} {what}")
                 continue
-            part = PointPart(point, int(number))
-            inside = (part, prototype, None, f"{point.key}[{number}]", (*place.instancers, path))
-            self._walk([(prototype, purpose)], Place(*inside))
+            inside = Place(
+                part=PointPart(point, int(number)),
+                top=prototype,
+                prefix=short_prefix(f"{point.key}[{number}]"),
+                instancers=(*place.instancers, path),
+                given=((target, names), *place.given),
+            )
+            yield self._walk([(prototype, purpose)], inside)
 
     # Instancers ----------------------------------------------------------------------------------
 
@@ -390,12 +405,30 @@ class SceneSync:
             self._session.set_instances(sent.instancer, point.arrays)
             sent.prototypes = [int(number) for number in point.arrays.used_prototypes()]
             sent.varies = point.arrays.varies
+        if sent.primvars_vary:
+            self._send_instance_primvars(point.prim, sent)
         transforms = self._timing(point.prim).transforms
         levels = transforms.levels(point.prim, point.place.top, point.place.below)
         if sent.levels is None or not _same_levels(sent.levels, levels):
             self._session.set_transform(sent.instancer, levels)
             sent.levels = levels
         return sent.instancer
+
+    def _send_instance_primvars(self, prim: Usd.Prim, sent: _SentInstancer) -> None:
+        names = instance_primvars(prim, self._primvar_names)
+        shutter = self._timing(prim).shutter
+        try:
+            primvars, varies = read_primvars(prim, shutter, names, self._log)
+        except FAULTS as error:
+            warn_unreadable(self._log, prim.GetPath(), error, "its primvars are ignored")
+            primvars, varies = {}, True
+        for name in sorted(sent.primvars.union(primvars)):
+            self._session.set_primvar(sent.instancer, name, primvars.get(name))
+        sent.primvars, sent.primvars_vary = set(primvars), varies
+
+    def motion_of(self, prim: Usd.Prim) -> Motion:
+        """What the prim says about its blur."""
+        return self._motion.of(prim)
 
     def send_natives(self, natives: Natives, key: str, partition, motion: Motion) -> int:
         """The instancer of the session for native instances; sent once a frame."""
@@ -458,7 +491,7 @@ class SceneSync:
         session, shutter = self._session, self._timing(prim).shutter
         if sent.primvars_vary:
             names = self._primvar_names
-            primvars, varies = read_primvars(UsdGeom.Gprim(prim), shutter, names, self._log)
+            primvars, varies = read_primvars(prim, shutter, names, self._log, place.gives)
             skinned = self._skinning.of(prim)
             if skinned:
                 skinned.turn_normals(primvars, sent.shape)

@@ -1179,8 +1179,9 @@ trz_result trz_grids_set(struct trz_session *session,
 trz_result trz_implicit_create(struct trz_session *session, const char *path, trz_id *out);
 
 // Queues kind and sizes of an implicit prim, in place of those before; everything is copied. Sizes
-// that are not finite or are negative are found at commit. Primvars of implicit prims have one
-// value; elementId is 0.
+// that are not finite or are negative are found at commit. Primvars of a cube or a plane have values
+// for the mesh that Hydra draws for it, whose faces elementId tells: a cube's are +z, -z, +y, -y, +x,
+// -x. Other kinds have one value, and elementId 0.
 //
 // Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
 // TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_POISONED. Threads: any.
@@ -1264,7 +1265,10 @@ trz_result trz_prim_set_points(struct trz_session *session,
 
 // Queues a primvar under its USD name (displayColor, st...), without "primvars:", in place of the
 // one before; NULL removes it. Everything is copied. Only what shading or an AOV asks for takes
-// part in a render. UsdGeomPointBased's own normals have the name normals.
+// part in a render. UsdGeomPointBased's own normals have the name normals. An instancer's primvar goes to
+// what its instances place: one value an instance, by its index (vertex, varying, face-varying or
+// uniform; Hydra's instance interpolation is any of them), or one for all. A prim's own primvar of the
+// name wins, then that of the innermost instancer.
 //
 // Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
 // TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_POISONED. Threads: any.
@@ -1342,8 +1346,8 @@ trz_result trz_session_set_active_camera(struct trz_session *session, trz_id cam
 // Queues an instancer without instances. path (UTF-8) names it in messages; two may have one path. It
 // draws nothing itself: trz_prim_set_instancer makes prims (and other instancers) part of its
 // prototypes. Of the functions for prims it takes trz_prim_set_transform (its levels up to the world,
-// or to the root of the prototype that it is part of), trz_prim_set_visible, trz_prim_set_motion and
-// trz_prim_remove; remove what is part of it too.
+// or to the root of the prototype that it is part of), trz_prim_set_primvar (one value an instance),
+// trz_prim_set_visible, trz_prim_set_motion and trz_prim_remove; remove what is part of it too.
 //
 // Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT (path), TRZ_ERROR_POISONED.
 // Threads: any.

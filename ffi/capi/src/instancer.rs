@@ -13,8 +13,8 @@ use crate::{convert, input};
 /// Queues an instancer without instances. path (UTF-8) names it in messages; two may have one path. It
 /// draws nothing itself: trz_prim_set_instancer makes prims (and other instancers) part of its
 /// prototypes. Of the functions for prims it takes trz_prim_set_transform (its levels up to the world,
-/// or to the root of the prototype that it is part of), trz_prim_set_visible, trz_prim_set_motion and
-/// trz_prim_remove; remove what is part of it too.
+/// or to the root of the prototype that it is part of), trz_prim_set_primvar (one value an instance),
+/// trz_prim_set_visible, trz_prim_set_motion and trz_prim_remove; remove what is part of it too.
 ///
 /// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT (path), TRZ_ERROR_POISONED.
 /// Threads: any.

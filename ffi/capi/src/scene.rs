@@ -201,8 +201,9 @@ pub unsafe extern "C" fn trz_implicit_create(
 }
 
 /// Queues kind and sizes of an implicit prim, in place of those before; everything is copied. Sizes
-/// that are not finite or are negative are found at commit. Primvars of implicit prims have one
-/// value; elementId is 0.
+/// that are not finite or are negative are found at commit. Primvars of a cube or a plane have values
+/// for the mesh that Hydra draws for it, whose faces elementId tells: a cube's are +z, -z, +y, -y, +x,
+/// -x. Other kinds have one value, and elementId 0.
 ///
 /// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
 /// TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_POISONED. Threads: any.
@@ -376,7 +377,10 @@ pub unsafe extern "C" fn trz_prim_set_points(
 
 /// Queues a primvar under its USD name (displayColor, st...), without "primvars:", in place of the
 /// one before; NULL removes it. Everything is copied. Only what shading or an AOV asks for takes
-/// part in a render. UsdGeomPointBased's own normals have the name normals.
+/// part in a render. UsdGeomPointBased's own normals have the name normals. An instancer's primvar goes to
+/// what its instances place: one value an instance, by its index (vertex, varying, face-varying or
+/// uniform; Hydra's instance interpolation is any of them), or one for all. A prim's own primvar of the
+/// name wins, then that of the innermost instancer.
 ///
 /// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND,
 /// TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_POISONED. Threads: any.

@@ -9,7 +9,6 @@ use crate::scene::{ImplicitDesc, PrimDesc};
 use crate::surface::Orientation;
 use crate::translate::implicit::{self, CheckedImplicit};
 use crate::translate::points::PointKeys;
-use crate::translate::primvar::{Counts, Resolved};
 
 struct Implicit {
     checked: CheckedImplicit,
@@ -34,14 +33,16 @@ impl Shape for Implicit {
     ) -> Option<DicedMesh> {
         let surface = self.checked.surface.as_ref();
         let mut diced = dice_surface(path, surface, target, context, out)?;
-        for grid in &mut diced.grids {
-            grid.element = 0;
+        if self.checked.faces.is_none() {
+            for grid in &mut diced.grids {
+                grid.element = 0;
+            }
         }
         Some(diced)
     }
 }
 
-/// Checks the sizes, and primvars of one value.
+/// Checks the sizes and the primvars.
 pub(super) fn make(
     prim: &PrimDesc,
     desc: &ImplicitDesc,
@@ -50,17 +51,13 @@ pub(super) fn make(
 ) -> Option<Box<dyn Shape>> {
     let path = &prim.common.path;
     let checked = implicit::check(path, desc, context.shutter, &mut out.warnings)?;
-    let counts = Counts::one_value("implicit prim");
-    let mut primvars = Primvars::new(
-        &prim.common,
-        counts,
-        context.shutter,
-        &Resolved::into_constant,
-    );
+    let counts = checked.primvar_counts();
+    let spread = |resolved| checked.spread(resolved);
+    let mut primvars = Primvars::new(&prim.common, counts, context.shutter, &spread);
     primvars.shading(out);
-    let _no_channels: Vec<()> = primvars.finish(context, out);
+    let channels = primvars.finish(context, out);
     Some(Box::new(Implicit {
-        checked,
+        checked: checked.with_channels(channels),
         orientation: desc.orientation,
     }))
 }

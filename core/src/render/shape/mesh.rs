@@ -1,5 +1,7 @@
 //! Meshes: subdivision surfaces and polygons.
 
+use std::sync::Arc;
+
 use glam::Vec3;
 
 use super::primvars::Primvars;
@@ -20,7 +22,7 @@ use crate::translate::subsets;
 struct Mesh {
     surface: Box<dyn LimitSurface>,
     mesh: CheckedMesh,
-    normals: Option<Source>,
+    normals: Option<Arc<Source>>,
 }
 
 impl Shape for Mesh {
@@ -169,5 +171,8 @@ impl ChannelAccess for AtVertex<'_> {
     }
     fn nearest(&self, channel: usize, first: usize, out: &mut [f32]) {
         self.smooth(channel, first, out);
+    }
+    fn instance(&self, _level: usize) -> usize {
+        0 // what a prim itself has
     }
 }

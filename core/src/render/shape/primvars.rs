@@ -17,7 +17,7 @@ pub(super) struct Primvars<'a, C> {
     counts: Counts,
     shutter: Shutter,
     spread: &'a dyn Fn(Resolved) -> Spread<C>,
-    made: BTreeMap<&'a str, (PrimvarRole, Source)>,
+    made: BTreeMap<&'a str, (PrimvarRole, Arc<Source>)>,
     channels: Vec<C>,
 }
 
@@ -45,7 +45,7 @@ impl<'a, C> Primvars<'a, C> {
         name: &str,
         width: usize,
         warnings: &mut Vec<Warning>,
-    ) -> Option<Source> {
+    ) -> Option<Arc<Source>> {
         let (name, primvar) = self.common.primvars.get_key_value(name)?;
         let path = &self.common.path;
         let (counts, shutter) = (&self.counts, self.shutter);
@@ -57,9 +57,9 @@ impl<'a, C> Primvars<'a, C> {
     pub fn shading(&mut self, out: &mut PrimObjects) {
         let color = self.floats("displayColor", 3, &mut out.warnings);
         let opacity = self.floats("displayOpacity", 1, &mut out.warnings);
-        let color = color.unwrap_or_else(|| Source::constant(&DEFAULT_ALBEDO));
+        let color = color.unwrap_or_else(|| Arc::new(Source::constant(&DEFAULT_ALBEDO)));
         let opacity = opacity.filter(|opacity| !opacity.is_constant(&[1.0]));
-        let fades = opacity.as_ref().map_or(0, Source::segments);
+        let fades = opacity.as_ref().map_or(0, |opacity| opacity.segments());
         out.primvars.segments = color.segments().max(fades);
         out.shading = PrimShading { color, opacity };
     }
@@ -85,17 +85,17 @@ impl<'a, C> Primvars<'a, C> {
                 used.sources.push(PrimPrimvar {
                     name: name.clone(),
                     role: *role,
-                    source: Arc::new(source.clone()),
+                    source: Arc::clone(source),
                 });
             }
         }
         self.channels
     }
 
-    fn keep(&mut self, name: &'a str, resolved: Resolved) -> Source {
+    fn keep(&mut self, name: &'a str, resolved: Resolved) -> Arc<Source> {
         let role = resolved.role;
-        let source = Source::new(resolved, self.spread, &mut self.channels);
-        self.made.insert(name, (role, source.clone()));
+        let source = Arc::new(Source::new(resolved, self.spread, &mut self.channels));
+        self.made.insert(name, (role, Arc::clone(&source)));
         source
     }
 }

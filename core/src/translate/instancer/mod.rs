@@ -16,6 +16,7 @@
 mod arrays;
 mod moment;
 pub mod placements;
+pub mod primvars;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -27,6 +28,7 @@ use crate::diagnostics::{Code, Warning};
 use crate::motion::{Hierarchy, Shutter};
 use crate::scene::InstancerDesc;
 use crate::translate::blur::prim_shutter;
+use crate::translate::primvar::Resolved;
 use arrays::Arrays;
 use moment::{Moment, State};
 pub use placements::{Moments, Placements};
@@ -41,6 +43,8 @@ pub struct Instancer {
     parent: Option<(Arc<Instancer>, u32)>,
     /// Instances that are there, ascending, by prototype.
     members: BTreeMap<u32, Vec<u32>>,
+    /// Those that are asked for and can be used, by name.
+    primvars: BTreeMap<String, Arc<Resolved>>,
 }
 
 impl Instancer {
@@ -71,6 +75,7 @@ impl Instancer {
             hierarchy: hierarchy.unwrap_or_default(),
             parent,
             members,
+            primvars: BTreeMap::new(),
         }
     }
 
@@ -81,9 +86,13 @@ impl Instancer {
 
     /// How often a part of a prototype appears, nesting counted; at most `u64::MAX`.
     pub fn placement_count(&self, prototype: u32) -> u64 {
-        let above = self.parent.as_ref();
-        let above = above.map_or(1, |(parent, prototype)| parent.placement_count(*prototype));
-        above.saturating_mul(self.members(prototype).len() as u64)
+        let mut count = self.members(prototype).len() as u64;
+        let mut next = self.parent.as_ref();
+        while let Some((parent, prototype)) = next {
+            count = count.saturating_mul(parent.members(*prototype).len() as u64);
+            next = parent.parent.as_ref();
+        }
+        count
     }
 
     /// Prototypes that have any.

@@ -13,8 +13,8 @@ use crate::motion::{Hierarchy, keys};
 
 /// One instancer of a chain.
 #[derive(Debug)]
-struct Link {
-    instancer: Arc<Instancer>,
+pub(super) struct Link {
+    pub(super) instancer: Arc<Instancer>,
     prototype: u32,
 }
 
@@ -28,7 +28,7 @@ impl Link {
 #[derive(Debug)]
 pub struct Placements {
     /// Outermost first; at least one.
-    links: Vec<Link>,
+    pub(super) links: Vec<Link>,
     /// The prim's own levels, inside its prototype.
     prim: Hierarchy,
 }
@@ -144,7 +144,7 @@ impl Placements {
     }
 
     /// Calls `f` with each link, outermost first, and the instance of it.
-    fn digits(&self, number: u64, mut f: impl FnMut(&Link, usize)) {
+    pub(super) fn digits(&self, number: u64, mut f: impl FnMut(&Link, usize)) {
         let mut rest = number;
         let mut below: u64 = self.count();
         for link in &self.links {

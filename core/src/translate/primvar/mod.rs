@@ -42,7 +42,7 @@ pub struct Counts {
 
 impl Counts {
     /// For prims without parts of their own.
-    pub fn one_value(prim: &'static str) -> Self {
+    pub const fn one_value(prim: &'static str) -> Self {
         let one = Count(1, "value");
         Self {
             prim,

@@ -61,6 +61,16 @@ fn unknown_and_unfit_ids() {
         let message = fails(trz_prim_set_instancer(s, mesh, camera, 0), bad);
         assert!(message.contains("/other"), "{message}");
         fails(trz_prim_set_instancer(s, mesh, 999, 0), TRZ_ERROR_NOT_FOUND);
+        ok(trz_prim_set_primvar(
+            s,
+            instancer,
+            c"a".as_ptr(),
+            &primvar(),
+        ));
+        fails(
+            trz_prim_set_primvar(s, camera, c"a".as_ptr(), &primvar()),
+            bad,
+        );
         ok(trz_prim_set_instancer(s, mesh, instancer, 7));
         ok(trz_prim_set_instancer(s, instancer, instancer, 0));
         ok(trz_prim_set_instancer(s, mesh, 0, 0));

@@ -433,6 +433,12 @@ fn empty_arrays_need_no_pointer() {
             c"absent".as_ptr(),
             null(),
         ));
+        ok(trz_prim_set_primvar(
+            session.0,
+            instancer,
+            c"absent".as_ptr(),
+            null(),
+        ));
         ok(trz_session_set_aovs(session.0, null(), 0));
         ok(session.commit());
         ok(trz_trace_rays(session.0, null(), null_mut(), 0));
