@@ -1,5 +1,6 @@
 """Apertures, shutter curves, lenses that change and clipping planes, as stages author them."""
 
+import hdtrapeze
 import numpy as np
 import pytest
 from oracle import agree, blurred, mean_over_times
@@ -287,6 +288,55 @@ def test_a_held_stage_and_no_motion_blur_keep_the_lens():
     stage = changing_stage(focusDistance=rack)
     image = render(stage, shutter=(0, 1), samples=16, motion_blur=False)["color"]
     np.testing.assert_array_equal(image, plain)
+
+
+def test_a_ramp_of_exposure_is_as_exact_as_a_gentle_one():
+    stage = new_stage()
+    camera = add_camera(stage)
+    add_quad(stage, "/all", -9, -9, 9, 9)
+    plain = render(stage)["color"][20, 20, 0]
+    set_samples(camera.GetExposureAttr(), {-2: -20.0, 2: 20.0})
+    mean = render(stage, shutter=(-0.5, 0.5), samples=4096)["color"][20, 20, 0]
+    # The mean of 2^x over -5 to 5.
+    assert mean / plain == pytest.approx((2**5 - 2**-5) / (10 * np.log(2)), rel=0.004)
+
+
+def test_towards_a_pinhole_the_radius_goes_linearly():
+    def f_stop(frame, **options):
+        stage = changing_stage(fStop={0: 0.0, 4: 2.0})
+        with hdtrapeze.Renderer(width=40, camera="/camera", **options) as renderer:
+            renderer.load(stage, frame)
+            return renderer.camera.f_stop
+
+    assert f_stop(0) == 0.0
+    assert f_stop(4) == 2.0
+    assert f_stop(1) == pytest.approx(8.0)
+    # The same where the shutter is open: a frame's lens does not depend on it.
+    still = changing_stage(fStop={0: 8.0})
+    near = changing_stage(fStop={-1: 0.0, 7: 1.0})
+    image = blurred(near, shutter=(-0.01, 0.01), samples=64)
+    good, figures = agree(image, blurred(still, shutter=(0, 0), samples=64))
+    assert good, figures
+
+
+def test_the_image_has_the_size_of_the_frames_own_film():
+    stage = new_stage()
+    camera = add_camera(stage)
+    set_samples(camera.GetVerticalApertureAttr(), {0: 20.0, 1: 10.0, 2: 5.0})
+    sizes = set()
+    for shutter in ((0, 0), (-1, 1), (0, 1), (-1, -0.5)):
+        with hdtrapeze.Renderer(width=40, camera="/camera", shutter=shutter) as renderer:
+            renderer.load(stage, 1)
+            sizes.add(renderer.resolution)
+    assert sizes == {(40, 20)}
+
+
+def test_a_film_back_of_no_use_is_the_default_one_in_shape_too():
+    stage = new_stage()
+    add_camera(stage, horizontalAperture=1e30)
+    with hdtrapeze.Renderer(width=160, camera="/camera") as renderer:
+        renderer.load(stage, 0)
+        assert renderer.resolution == (160, 116)
 
 
 def test_zoom_dices_for_its_longest_end():

@@ -174,6 +174,24 @@ def test_render_settings(scene, tmp_path, capsys):
     assert "/Render/none" in capsys.readouterr().err
 
 
+def test_relative_paths_of_cameras(tmp_path, capsys):
+    stage = new_stage()
+    add_camera(stage, "/Cameras/main_cam")
+    add_camera(stage, "/Other/main_cam")
+    add_cube(stage)
+    path = tmp_path / "scene.usda"
+    stage.GetRootLayer().Export(str(path))
+    for name, code, word in (
+        ("main_cam", 0, "/Cameras/main_cam"),
+        ("Other/main_cam", 0, "/Other/main_cam"),
+        ("ther/main_cam", 1, "has a path that ends in ther/main_cam"),
+        ("Wrong/Path/main_cam", 1, "has a path that ends in Wrong/Path/main_cam"),
+    ):
+        assert run("record", path, tmp_path / "a.png", *SMALL, "-cam", name) == code
+        text = capsys.readouterr()
+        assert word in text.out + text.err
+
+
 USDRECORD_FLAGS = [
     "--mask",
     "--purposes",

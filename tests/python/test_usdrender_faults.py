@@ -151,8 +151,8 @@ def test_several_cameras_are_one_warning(scene, capsys):
     [
         ("resolution", Gf.Vec2i(0, 20), "(0, 20)"),
         ("resolution", Gf.Vec2i(20, 1 << 20), "65536"),
-        ("pixelAspectRatio", -1.0, "above 0"),
-        ("pixelAspectRatio", float("nan"), "above 0"),
+        ("pixelAspectRatio", -1.0, "from 0.001 to 1000"),
+        ("pixelAspectRatio", 1e30, "from 0.001 to 1000"),
         ("aspectRatioConformPolicy", "stretch", "adjustPixelAspectRatio"),
         ("dataWindowNDC", Gf.Vec4f(0.5, 0, 0.5, 1), "xmin < xmax"),
         ("includedPurposes", ["render", "everything"], "everything"),
@@ -202,6 +202,17 @@ def test_masks_that_leave_settings_out(scene, capsys):
     assert "--mask leaves it out" in capsys.readouterr().err
     assert scene.run("--mask", "/quad,/main_cam,/Render/settings") == 0
     one(capsys, "/Render/settings", "/Render/shot", "--mask leaves out")
+
+
+def test_paths_that_are_not_absolute(scene, capsys):
+    assert scene.run("-rs", "Render/settings", named=False) == 2
+    text = capsys.readouterr().err
+    assert "'Render/settings' must be an absolute path, such as /Render/settings" in text
+    scene.stage.SetMetadata("renderSettingsPrimPath", "Render/settings")
+    file = scene.path("relative.usda")
+    scene.stage.GetRootLayer().Export(str(file))
+    assert main(["record", str(file), str(scene.path("own.png")), *FAST]) == 0
+    one(capsys, "/", "Render/settings, which is no absolute path")
 
 
 # Passes ------------------------------------------------------------------------------------------

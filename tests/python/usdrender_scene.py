@@ -67,7 +67,7 @@ class Scene:
 
 
 def warnings(capsys):
-    """Lines of stderr; fails where there is anything but warnings, and that something is left out."""
+    """Warnings on stderr; fails where there is more, but for what they left unwritten."""
     lines = capsys.readouterr().err.splitlines()
     lines = [line for line in lines if not line.startswith("error: Not everything was written: ")]
     assert all(line.startswith("warning: ") for line in lines), lines

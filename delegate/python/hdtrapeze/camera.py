@@ -32,8 +32,14 @@ from .typed import get_or_fallback, get_or_ignore, token
 
 PROJECTIONS = ("perspective", "orthographic")
 
+LARGEST_FILM = 1e17
+"""Scene units: a film back of this size gives no view that can be computed."""
+
 LARGEST_BOUND = 1e12
 """Scene units: a prim that reaches farther from the origin is left out of the framing."""
+
+
+DEFAULT_ASPECT = Gf.Camera().aspectRatio
 
 
 @dataclass
@@ -59,13 +65,9 @@ class CameraState:
     lens_samples: list[tuple[float, dict[str, float]]] = field(default_factory=list)
     """Times relative to the frame, and the numbers above at each; none: they do not change."""
 
-    @property
-    def aspect(self) -> float:
-        """Width over height, 1 where the apertures say nothing useful."""
-        if not (self.vertical_aperture and math.isfinite(self.vertical_aperture)):
-            return 1.0
-        aspect = self.horizontal_aperture / self.vertical_aperture
-        return aspect if math.isfinite(aspect) and aspect > 1e-4 else 1.0
+    aspect: float = DEFAULT_ASPECT
+    """Width over height of the film back at the frame's own time: it shapes the image, which must
+    not depend on the shutter."""
 
 
 def find_camera(
@@ -97,7 +99,7 @@ def settings_camera(settings: UsdRender.Settings, log: SceneLog) -> UsdGeom.Came
 
 
 def named_camera(stage: Usd.Stage, wanted: str) -> UsdGeom.Camera:
-    """The camera at a path, or the first one with a name."""
+    """The camera at a path, or the first one with a name or whose path ends so."""
     if not Sdf.Path.IsValidPathString(wanted):
         raise UsageError(f"--camera: {wanted!r} is neither the path nor the name of a prim.")
     path = Sdf.Path(wanted)
@@ -110,10 +112,12 @@ def named_camera(stage: Usd.Stage, wanted: str) -> UsdGeom.Camera:
             kind = prim.GetTypeName() or "prim without a type"
             raise SceneError(f"There is no camera at {wanted}: it is a {kind}.")
         return camera
+    end = f"/{path.GetPrimPath()}"
     for prim in stage.Traverse(Usd.TraverseInstanceProxies()):
-        if prim.GetName() == path.name and prim.IsA(UsdGeom.Camera):
+        if str(prim.GetPath()).endswith(end) and prim.IsA(UsdGeom.Camera):
             return UsdGeom.Camera(prim)
-    raise SceneError(f"No camera of this stage is named {wanted}.")
+    what = "has a path that ends in" if path.pathElementCount > 1 else "is named"
+    raise SceneError(f"No camera of this stage {what} {wanted}.")
 
 
 def authored_shutter(
@@ -162,6 +166,7 @@ def read_camera(
         levels=transforms.levels(camera.GetPrim()),
         projection=token(camera.GetProjectionAttr(), PROJECTIONS, time, log),
         **read_lens(camera, shutter.code(shutter.open), log),
+        aspect=aspect_of(read_lens(camera, time, log)),
         clipping=_clipping(camera, time, log),
         shutter=(shutter.open, shutter.close),
         aperture=read_aperture(camera, time, log),
@@ -169,6 +174,15 @@ def read_camera(
         clipping_planes=_clipping_planes(camera, time, log),
         lens_samples=read_lens_samples(camera, shutter, log),
     )
+
+
+def aspect_of(lens: dict[str, float]) -> float:
+    """Width over height; the default camera's where the renderer takes that one's film back."""
+    width, height = lens["horizontal_aperture"], lens["vertical_aperture"]
+    if not (0.0 < width < LARGEST_FILM and 0.0 < height < LARGEST_FILM):
+        return DEFAULT_ASPECT
+    aspect = width / height
+    return aspect if 1e-4 < aspect < 1e6 else 1.0
 
 
 def _clipping(camera: UsdGeom.Camera, time: Usd.TimeCode, log: SceneLog) -> tuple[float, float]:

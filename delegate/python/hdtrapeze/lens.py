@@ -30,8 +30,10 @@ from .typed import get_or_fallback, get_or_ignore
 APERTURE_UNIT = 0.1
 """Scene units of one unit of aperture or focal length."""
 
-EXPOSURE_PIECES = 8
-"""Straight pieces between two samples of exposure, whose effect is a power of 2."""
+EXPOSURE_ERROR = 0.004
+"""Relative: exposure is a power of 2, and straight pieces between keys leave it by less."""
+EXPOSURE_HALVINGS = 8
+"""The shutter has at most 2 to the power of this many such pieces between two samples."""
 
 LENS_ATTRIBUTES = {
     "horizontal_aperture": ("horizontalAperture", APERTURE_UNIT),
@@ -78,8 +80,31 @@ def read_lens(camera: UsdGeom.Camera, time: Usd.TimeCode, log: SceneLog) -> dict
         name: float(get_or_fallback(prim.GetAttribute(attribute), time, log)) * factor
         for name, (attribute, factor) in LENS_ATTRIBUTES.items()
     }
+    lens["f_stop"] = _f_stop(camera, time, lens["f_stop"], log)
     lens["exposure_scale"] = _exposure_scale(camera, time, log)
     return lens
+
+
+def _f_stop(camera: UsdGeom.Camera, time: Usd.TimeCode, value: float, log: SceneLog) -> float:
+    """fStop between a sample with a pinhole, 0, and one with a lens: the radius goes linearly.
+
+    fStop itself would pass near 0 on its way, where a lens is without bounds.
+    """
+    attribute = camera.GetFStopAttr()
+    if time.IsDefault() or not attribute.ValueMightBeTimeVarying():
+        return value
+    if camera.GetPrim().GetStage().GetInterpolationType() == Usd.InterpolationTypeHeld:
+        return value
+    around = attribute.GetBracketingTimeSamples(time.GetValue())
+    if len(around) != 2 or around[0] == around[1]:
+        return value
+    ends = (get_or_fallback(attribute, Usd.TimeCode(t), log) for t in around)
+    first, second = map(float, ends)
+    if (first == 0.0) == (second == 0.0):
+        return value
+    part = (time.GetValue() - around[0]) / (around[1] - around[0])
+    lens, open_part = (second, part) if first == 0.0 else (first, 1.0 - part)
+    return lens / open_part if open_part > 0.0 else 0.0
 
 
 def _exposure_scale(camera: UsdGeom.Camera, time: Usd.TimeCode, log: SceneLog) -> float:
@@ -101,12 +126,34 @@ def read_lens_samples(
     times = _sample_times(camera, names, shutter)
     exposure_times = _sample_times(camera, EXPOSURE_ATTRIBUTES, shutter)
     if exposure_times:
-        ends = sorted(times | exposure_times)
+        opens, closes = shutter.frame + shutter.open, shutter.frame + shutter.close
+        ends = sorted({min(max(t, opens), closes) for t in times | exposure_times})
+        times.update(ends)
         for start, end in pairwise(ends):
-            times.update(np.linspace(start, end, EXPOSURE_PIECES + 1).tolist())
+            times.update(_exposure_keys(camera, start, end, log))
     return [
         (time - shutter.frame, read_lens(camera, Usd.TimeCode(time), log)) for time in sorted(times)
     ]
+
+
+def _exposure_keys(camera: UsdGeom.Camera, start: float, end: float, log: SceneLog) -> list[float]:
+    """Times between which the exposure's scale is straight."""
+
+    def scale(time: float) -> float:
+        return _exposure_scale(camera, Usd.TimeCode(time), log)
+
+    found = []
+    pending = [(start, scale(start), end, scale(end), EXPOSURE_HALVINGS)]
+    while pending:
+        low, at_low, high, at_high, halvings = pending.pop()
+        middle = (low + high) / 2.0
+        at_middle = scale(middle)
+        off = abs((at_low + at_high) / 2.0 - at_middle)
+        if halvings and math.isfinite(off) and off > EXPOSURE_ERROR * at_middle:
+            found.append(middle)
+            pending.append((low, at_low, middle, at_middle, halvings - 1))
+            pending.append((middle, at_middle, high, at_high, halvings - 1))
+    return found
 
 
 def _sample_times(camera: UsdGeom.Camera, names, shutter: Shutter) -> set[float]:

@@ -123,8 +123,8 @@ class Options:
             f"The window policy must be one of {', '.join(WINDOW_POLICIES)}.",
         )
         require(
-            math.isfinite(self.pixel_aspect) and self.pixel_aspect > 0,
-            "The pixel aspect ratio must be above 0.",
+            0.001 <= self.pixel_aspect <= 1000.0,
+            "The pixel aspect ratio must be from 0.001 to 1000.",
         )
         require(
             self.max_micropolygons is None or 0 < self.max_micropolygons < 1 << 63,

@@ -70,9 +70,7 @@ def read_products(
     return products
 
 
-def _read_product(
-    prim: UsdRender.Product, unwritten: Unwritten, log: SceneLog
-) -> Product | None:
+def _read_product(prim: UsdRender.Product, unwritten: Unwritten, log: SceneLog) -> Product | None:
     path = prim.GetPath()
     kind = prim.GetProductTypeAttr().Get()
     if kind != "raster":

@@ -46,6 +46,10 @@ def find_render_settings(
         settings_path = stage.GetMetadata("renderSettingsPrimPath") or None
     if not settings_path:
         return None
+    if not named and not settings_path.startswith("/"):
+        text = f"its renderSettingsPrimPath is {settings_path}, which is no absolute path; ignored"
+        log.warn("/", "render-settings", text)
+        return None
     settings = UsdRender.Settings(_prim_at(stage, settings_path, "--renderSettingsPrimPath"))
     if settings:
         return settings
@@ -81,6 +85,8 @@ def _masked(stage: Usd.Stage, path: str) -> str:
 
 
 def _prim_at(stage: Usd.Stage, path: str, flag: str) -> Usd.Prim:
-    if not Sdf.Path.IsValidPathString(str(path)):
+    if not Sdf.Path.IsValidPathString(str(path)) or not Sdf.Path(path).IsPrimPath():
         raise UsageError(f"{flag}: {path!r} is not the path of a prim.")
+    if not Sdf.Path(path).IsAbsolutePath():
+        raise UsageError(f"{flag}: {path!r} must be an absolute path, such as /{path}.")
     return stage.GetPrimAtPath(path)
