@@ -178,6 +178,21 @@ mod tests {
     }
 
     #[test]
+    fn as_many_levels_as_are_allowed_are_counted_and_dropped_again() {
+        let last_only = |depth: usize| {
+            let mut scene = nested(depth as u64, 1);
+            let (id, last) = scene.prims.pop_last().expect("prims");
+            scene.prims = [(id, last)].into();
+            scene
+        };
+        let (out, said) = left_out(&last_only(chains::DEEPEST), 1);
+        assert_eq!((out, said), (vec![false], Vec::new()));
+        let deeper = last_only(chains::DEEPEST + 1);
+        let prim = deeper.prims.values().next().expect("a prim");
+        assert_eq!(chains::chain(&deeper, prim), Err(chains::Broken::Deep));
+    }
+
+    #[test]
     fn counts_that_no_number_holds() {
         let (_, said) = left_out(&nested(30, 10), 1 << 40);
         assert!(said[0].contains("more than 10^19"), "{said:?}");
