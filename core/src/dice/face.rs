@@ -73,12 +73,20 @@ impl<'a> Curves<'a> {
     }
 }
 
+/// What all faces together may make.
+pub(super) struct FaceBudgets<'a> {
+    /// Micropolygons.
+    pub cells: Budget<'a>,
+    /// Segments of curves inside faces: each is a side of a micropolygon, if it comes to that.
+    pub segments: Budget<'a>,
+}
+
 /// Dices faces on one thread.
 pub(super) struct FaceDicer<'a> {
     input: &'a DiceInput<'a>,
     base: &'a BaseMesh,
     edges: &'a BaseCurves,
-    budget: &'a Budget<'a>,
+    budgets: &'a FaceBudgets<'a>,
     rate: f32,
     sampler: Sampler<'a>,
     local: LocalCurves,
@@ -90,14 +98,14 @@ impl<'a> FaceDicer<'a> {
         input: &'a DiceInput<'a>,
         base: &'a BaseMesh,
         edges: &'a BaseCurves,
-        budget: &'a Budget<'a>,
+        budgets: &'a FaceBudgets<'a>,
         rate: f32,
     ) -> Self {
         Self {
             input,
             base,
             edges,
-            budget,
+            budgets,
             rate,
             sampler: Sampler::new(input.surface, input.path, input.metric),
             local: LocalCurves::default(),
@@ -215,7 +223,7 @@ impl<'a> FaceDicer<'a> {
         };
         let centre = self.sampler.curve(&centre, &[1.0])?;
         for (k, &edge) in edges.iter().enumerate() {
-            self.budget.check()?;
+            self.budgets.cells.check()?;
             let curve = self.edges.edge(self.base, edge);
             let start = curve.vertex(curve.map(ONE / 2, 1));
             let source = CurveSource::Line {
@@ -265,11 +273,13 @@ impl<'a> FaceDicer<'a> {
         }
         self.local.ends.extend_from_slice(start);
         self.local.ends.extend_from_slice(end);
+        let segments = self.local.pool.curves.last().map_or(0, |c| c.segments);
+        self.budgets.segments.take(u64::from(segments))?;
         Ok(edge)
     }
 
     fn dice_patch(&mut self, patch: &Patch, part: &mut Part) -> Result<(), Leave> {
-        self.budget.check()?;
+        self.budgets.cells.check()?;
         let curves = self.curves();
         let need = patch.sides.map(|s| curves.of(&s).need(s.a, s.b));
         let split = patch.sides.map(|s| curves.of(&s).is_split(s.a, s.b));
@@ -398,7 +408,7 @@ impl<'a> FaceDicer<'a> {
     }
 
     fn emit(&mut self, patch: &Patch, part: &mut Part) -> Result<(), Leave> {
-        self.budget.take(self.lattice.cell_count())?;
+        self.budgets.cells.take(self.lattice.cell_count())?;
         part.push(&mut self.lattice, &mut self.sampler, patch.domain);
         Ok(())
     }

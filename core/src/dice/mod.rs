@@ -59,7 +59,7 @@ use crate::surface::LimitSurface;
 use base::BaseMesh;
 use budget::{Budget, Halt};
 use edges::BaseCurves;
-use face::{FaceDicer, Leave};
+use face::{FaceBudgets, FaceDicer, Leave};
 use lattice::Part;
 use rayon::prelude::*;
 use std::sync::atomic::AtomicBool;
@@ -223,7 +223,11 @@ fn dice_at(
     if estimate / GROSS > limit {
         return Ok(Pass::Estimated(estimate));
     }
-    match dice_faces(input, base, &edges, rate, &Budget::new(limit, input.cancel)) {
+    let budgets = FaceBudgets {
+        cells: Budget::new(limit, input.cancel),
+        segments: Budget::new(most, input.cancel),
+    };
+    match dice_faces(input, base, &edges, rate, &budgets) {
         Ok(parts) => Ok(Pass::Done(parts)),
         Err(Halt::OverBudget) => Ok(Pass::OverBudget(estimate)),
         Err(Halt::Failed(error)) => Err(error),
@@ -236,7 +240,7 @@ fn dice_faces(
     base: &BaseMesh,
     edges: &BaseCurves,
     rate: f32,
-    budget: &Budget<'_>,
+    budgets: &FaceBudgets<'_>,
 ) -> Result<Vec<Part>, Halt> {
     let face_count = base.first.len() - 1;
     let chunk = chunk_faces(face_count);
@@ -245,7 +249,7 @@ fn dice_faces(
     (0..face_count.div_ceil(chunk))
         .into_par_iter()
         .map_init(
-            || FaceDicer::new(input, base, edges, budget, rate),
+            || FaceDicer::new(input, base, edges, budgets, rate),
             |dicer, c| {
                 let mut part = Part::new(channels, normal_keys);
                 let before = dicer.evaluations();

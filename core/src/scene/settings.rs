@@ -64,7 +64,7 @@ const LAYERS: f64 = 64.0;
 /// ...in addition so many for each base face...
 const CELLS_A_FACE: u64 = 8;
 /// ...and so many in any case.
-const LEAST_MICROPOLYGONS: u64 = 4_000_000;
+const LEAST_MICROPOLYGONS: u64 = 1_000_000;
 
 /// Settings of one render.
 #[derive(Clone, Debug, PartialEq)]
@@ -194,7 +194,7 @@ mod tests {
             ..RenderSettings::default()
         };
         let least = settings.most_micropolygons(0);
-        assert_eq!(least, 4_000_000 + 64 * 64 * 36);
+        assert_eq!(least, 1_000_000 + 64 * 64 * 36);
         assert_eq!(settings.most_micropolygons(1000), least + 8000);
         settings.data_window = Some([-64, 0, 64, 36]);
         assert_eq!(settings.most_micropolygons(0), least + 64 * 64 * 36);
