@@ -653,3 +653,15 @@ def test_what_no_memory_holds_is_counted_and_not_placed(stage):
     image = check(stage, "it places 1000000000000 instances", "left out", shown=False)
     assert image.statistics["total_seconds"] < 1.0
     assert image.statistics["instances"] == 1
+
+
+def test_native_instances_that_no_memory_holds_are_counted_and_not_placed(stage):
+    stage.CreateClassPrim("/level0")
+    UsdGeom.Cube.Define(stage, "/level0/cube")
+    for level in range(1, 13):
+        stage.CreateClassPrim(f"/level{level}")
+        for i in range(10):
+            xform = UsdGeom.Xform.Define(stage, f"/level{level}/part{i}" if level < 12 else "/bad")
+            xform.GetPrim().GetReferences().AddInternalReference(f"/level{level - 1}")
+            xform.GetPrim().SetInstanceable(level < 12)
+    check(stage, "it places 100000000000 instances", "left out", path="/bad/part0", shown=False)

@@ -25,6 +25,7 @@ from .lens import (
     read_shutter_curve,
 )
 from .log import SceneLog
+from .prototypes import find_all
 from .shutter import Shutter
 from .targets import prim_at, targets_of
 from .transforms import Level, TransformReader, static_level
@@ -113,8 +114,8 @@ def named_camera(stage: Usd.Stage, wanted: str) -> UsdGeom.Camera:
             raise SceneError(f"There is no camera at {wanted}: it is a {kind}.")
         return camera
     end = f"/{path.GetPrimPath()}"
-    for prim in stage.Traverse(Usd.TraverseInstanceProxies()):
-        if str(prim.GetPath()).endswith(end) and prim.IsA(UsdGeom.Camera):
+    for prim in find_all(stage, UsdGeom.Camera, Usd.PrimDefaultPredicate):
+        if str(prim.GetPath()).endswith(end):
             return UsdGeom.Camera(prim)
     what = "has a path that ends in" if path.pathElementCount > 1 else "is named"
     raise SceneError(f"No camera of this stage {what} {wanted}.")

@@ -4,15 +4,13 @@ import bisect
 
 from pxr import Sdf, Usd, UsdGeom
 
+from .prototypes import find_all
+
 
 def endless_instancers(stage: Usd.Stage) -> set[Sdf.Path]:
     """Paths of the instancers of a stage from which following prototypes does not end."""
-    everything = Usd.TraverseInstanceProxies(Usd.PrimAllPrimsPredicate)
-    found = {
-        prim.GetPath(): UsdGeom.PointInstancer(prim)
-        for prim in Usd.PrimRange(stage.GetPseudoRoot(), everything)
-        if prim.IsA(UsdGeom.PointInstancer)
-    }
+    everything = find_all(stage, UsdGeom.PointInstancer, Usd.PrimAllPrimsPredicate)
+    found = {prim.GetPath(): UsdGeom.PointInstancer(prim) for prim in everything}
     paths = sorted(found)
     below = {path: _reached(found[path], paths) for path in paths}
     # What only leads to instancers that end, ends: take those away until nothing changes.

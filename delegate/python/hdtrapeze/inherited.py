@@ -26,18 +26,19 @@ class Inherited:
         return tuple(sorted(item for item in found if not api.GetPrimvar(item[0]).HasValue()))
 
     def _below(self, prim: Usd.Prim) -> dict[str, str]:
-        if not prim or prim.IsPseudoRoot():
-            return {}
-        path = prim.GetPath()
-        if path not in self._known:
-            found = self._below(prim.GetParent())
-            api = UsdGeom.PrimvarsAPI(prim)
+        waiting = []
+        while prim and not prim.IsPseudoRoot() and prim.GetPath() not in self._known:
+            waiting.append(prim)
+            prim = prim.GetParent()
+        found = self._known.get(prim.GetPath(), {}) if prim else {}
+        for below in reversed(waiting):
+            api = UsdGeom.PrimvarsAPI(below)
             own = {name: api.GetPrimvar(name) for name in self._names}
             own = {name: primvar for name, primvar in own.items() if primvar.HasAuthoredValue()}
             for name, primvar in own.items():
                 found = found | {name: self._value(primvar)}
-            self._known[path] = found
-        return self._known[path]
+            self._known[below.GetPath()] = found
+        return found
 
     def _value(self, primvar: UsdGeom.Primvar) -> str:
         """The value, or where it may change the name of who has it; nothing where it ends here."""

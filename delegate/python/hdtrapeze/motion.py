@@ -44,14 +44,16 @@ class MotionReader:
 
     def of(self, prim: Usd.Prim) -> Motion:
         """The prim's own motion, where it has some, over that of its parents."""
-        if not prim or prim.IsPseudoRoot():
-            return Motion()
-        path = prim.GetPath()
-        if path not in self._known:
-            inherited = self.of(prim.GetParent())
-            has_own = prim.HasAPI(UsdGeom.MotionAPI)
-            self._known[path] = self._read(prim, inherited) if has_own else inherited
-        return self._known[path]
+        waiting = []
+        while prim and not prim.IsPseudoRoot() and prim.GetPath() not in self._known:
+            waiting.append(prim)
+            prim = prim.GetParent()
+        motion = self._known.get(prim.GetPath(), Motion()) if prim else Motion()
+        for below in reversed(waiting):
+            if below.HasAPI(UsdGeom.MotionAPI):
+                motion = self._read(below, motion)
+            self._known[below.GetPath()] = motion
+        return motion
 
     def _read(self, prim: Usd.Prim, inherited: Motion) -> Motion:
         api = UsdGeom.MotionAPI(prim)

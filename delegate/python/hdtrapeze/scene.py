@@ -21,6 +21,7 @@ from .motion import Motion, MotionReader, Timing
 from .passes import PassCollections
 from .places import NONE, Natives, Place, PointInstancer, PointPart, run_nested, short_prefix
 from .primvars import SHADED, instance_primvars, read_primvars
+from .prototypes import Holders
 from .session import Session
 from .shapes import Shape, find_reader
 from .shutter import Shutter
@@ -121,6 +122,7 @@ class SceneSync:
         self._motion = MotionReader(shutter, transforms, self._log)
         self._skinning.begin_frame(shutter, transforms)
         self._seen: set[str] = set()
+        self._skel_roots = Holders(UsdSkel.Root)
         self._inherited = Inherited(shutter, self._primvar_names)
         self.has_hidden = False
         self._ignored = {"lights": 0, "materials": 0}
@@ -250,7 +252,7 @@ class SceneSync:
         everything = natives.everything()
         inside = replace(place, part=everything, top=None, below=first, prefix=key, outer=place)
         # Each instance may be another where a skeleton or a render pass looks at it.
-        alike = not self._pass and not _has_skeletons(first, predicate)
+        alike = not self._pass and not self._has_skeletons(first)
         what = {n: self._outside_of(p, None if alike else n) for n, p in by_number.items()}
         if len(set(what.values())) > 1:
             inside = replace(inside, natives=natives)
@@ -267,6 +269,10 @@ class SceneSync:
             prefix = f"{key}#{digest(kind)}"
             there = replace(inside, part=part, below=instance, prefix=prefix, natives=None)
             yield self._walk(roots, there)
+
+    def _has_skeletons(self, prim: Usd.Prim) -> bool:
+        """Whether a SkelRoot is above `prim`, or below it."""
+        return bool(UsdSkel.Root.Find(prim)) or self._skel_roots.below(prim)
 
     def _outside_of(self, instance: Usd.Prim, number: int | None) -> tuple:
         """What prims in a native instance may get from outside of it."""
@@ -547,12 +553,6 @@ class SceneSync:
         sent.shape = shape if keep else None
         sent.shape_varies = shape.varies
         return sent
-
-
-def _has_skeletons(prim: Usd.Prim, predicate) -> bool:
-    """Whether a SkelRoot is above `prim`, or below it."""
-    below = Usd.PrimRange(prim, predicate)
-    return bool(UsdSkel.Root.Find(prim)) or any(p.IsA(UsdSkel.Root) for p in below)
 
 
 def _same_levels(a: list[Level], b: list[Level]) -> bool:

@@ -41,6 +41,7 @@ class Skinning:
         """Forgets everything, as the stage has changed."""
         self._cache = UsdSkel.Cache()
         self._roots: set[Sdf.Path] = set()
+        self._outermost: dict[Sdf.Path, Usd.Prim | None] = {}
         self._poses: dict[Sdf.Path, Pose] = {}
         self._skinned: dict[Sdf.Path, Skinned] = {}
 
@@ -54,10 +55,7 @@ class Skinning:
 
     def enter(self, prim: Usd.Prim, predicate) -> None:
         """Reads the bindings below `prim` where it is, or is below, a SkelRoot."""
-        root = None
-        while prim and not prim.IsPseudoRoot():
-            root = prim if prim.IsA(UsdSkel.Root) else root
-            prim = prim.GetParent()
+        root = self._outermost_root(prim)
         if root is None or root.GetPath() in self._roots:
             return
         self._roots.add(root.GetPath())
@@ -67,6 +65,18 @@ class Skinning:
             for query in binding.GetSkinningTargets():
                 if has_influences(query) or query.HasBlendShapes():
                     self._bind(query, binding.GetSkeleton())
+
+    def _outermost_root(self, prim: Usd.Prim) -> Usd.Prim | None:
+        """The first SkelRoot on the way down to `prim`, each prim looked at once."""
+        waiting = []
+        while prim and not prim.IsPseudoRoot() and prim.GetPath() not in self._outermost:
+            waiting.append(prim)
+            prim = prim.GetParent()
+        root = self._outermost.get(prim.GetPath()) if prim else None
+        for below in reversed(waiting):
+            root = root or (below if below.IsA(UsdSkel.Root) else None)
+            self._outermost[below.GetPath()] = root
+        return root
 
     def _bind(self, query: UsdSkel.SkinningQuery, skeleton: UsdSkel.Skeleton) -> None:
         prim = skeleton.GetPrim()
