@@ -49,7 +49,7 @@ pub struct AuthoredPrimvar<'a> {
 }
 
 /// The renderer's primvar, and how many whole numbers do not fit 32 bits: they become the nearest
-/// that does. Reals beyond 32 bits become infinite, which is found when they are used.
+/// that does. Unsigned ones keep their bits, so that those from 2^31 are negative as i32. Reals beyond 32 bits become infinite, which is found when they are used.
 pub fn primvar(from: &AuthoredPrimvar<'_>) -> Result<(PrimvarDesc, usize), Error> {
     let mut clipped = 0;
     let mut samples = Vec::with_capacity(from.samples.len());
@@ -78,17 +78,25 @@ fn values(from: Numbers<'_>, clipped: &mut usize) -> Result<PrimvarValues, Error
         Numbers::F16(v) => PrimvarValues::Float(try_map(v, |&x| f16::from_bits(x).to_f32())?),
         Numbers::I32(v) => PrimvarValues::Int(try_copy(v)?),
         Numbers::U8(v) => PrimvarValues::Int(try_map(v, |&x| x.into())?),
-        Numbers::U32(v) => PrimvarValues::Int(try_map(v, |&x| fit(x.into(), clipped))?),
-        Numbers::I64(v) => PrimvarValues::Int(try_map(v, |&x| fit(x.into(), clipped))?),
-        Numbers::U64(v) => PrimvarValues::Int(try_map(v, |&x| fit(x.into(), clipped))?),
+        Numbers::U32(v) => PrimvarValues::Int(try_map(v, |&x| x.cast_signed())?),
+        Numbers::I64(v) => PrimvarValues::Int(try_map(v, |&x| fit(x, clipped))?),
+        Numbers::U64(v) => PrimvarValues::Int(try_map(v, |&x| fit_unsigned(x, clipped))?),
     })
 }
 
-fn fit(x: i128, clipped: &mut usize) -> i32 {
+fn fit(x: i64, clipped: &mut usize) -> i32 {
     i32::try_from(x).unwrap_or_else(|_| {
         *clipped += 1;
         if x < 0 { i32::MIN } else { i32::MAX }
     })
+}
+
+fn fit_unsigned(x: u64, clipped: &mut usize) -> i32 {
+    let kept = u32::try_from(x).unwrap_or_else(|_| {
+        *clipped += 1;
+        u32::MAX
+    });
+    kept.cast_signed()
 }
 
 #[cfg(test)]
@@ -107,17 +115,20 @@ mod tests {
         let whole = |values: &[i32]| PrimvarValues::Int(values.to_vec());
         assert_eq!(convert(Numbers::I32(&[-1, 7])), whole(&[-1, 7]));
         assert_eq!(convert(Numbers::U8(&[0, 255])), whole(&[0, 255]));
-        assert_eq!(convert(Numbers::U32(&[7, u32::MAX])), whole(&[7, i32::MAX]));
+        assert_eq!(convert(Numbers::U32(&[7, u32::MAX])), whole(&[7, -1]));
         let ends = [i64::MIN, -1, i64::MAX];
         assert_eq!(
             convert(Numbers::I64(&ends)),
             whole(&[i32::MIN, -1, i32::MAX])
         );
-        assert_eq!(convert(Numbers::U64(&[u64::MAX, 2])), whole(&[i32::MAX, 2]));
+        assert_eq!(convert(Numbers::U64(&[u64::MAX, 2])), whole(&[-1, 2]));
+        let kept = whole(&[3_000_000_000u32.cast_signed()]);
+        assert_eq!(convert(Numbers::U32(&[3_000_000_000])), kept);
+        assert_eq!(convert(Numbers::U64(&[3_000_000_000])), kept);
         assert_eq!(
             convert(Numbers::F64(&[1.0e300])),
             PrimvarValues::Float(vec![f32::INFINITY])
         );
-        assert_eq!(clipped, 4);
+        assert_eq!(clipped, 3);
     }
 }

@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from hdtrapeze.cli import main
+from images import read_exr
 from pxr import Gf, Sdf, UsdGeom, Vt
 from scenes import add_camera, add_grid, new_stage, one_warning, pixel, render
 
@@ -119,3 +121,39 @@ def test_indices_out_of_range_give_one_warning():
     image = render(scene("uniform", [RED, GREEN], indices=[0, 1, 2, -1]))
     one_warning(image, "/grid", "displayColor")
     assert image.alpha[pixel(1, 1)] == 1
+
+
+def test_a_block_holds_what_is_before_it_and_hides_what_is_after():
+    stage = scene("constant", [RED])
+    color = UsdGeom.Mesh.Get(stage, "/grid").GetDisplayColorPrimvar().GetAttr()
+    for time, value in ((0, RED), (2, None), (3, BLUE), (4, GREEN)):
+        color.Set(Sdf.ValueBlock() if value is None else [Gf.Vec3f(*value)], time)
+
+    def at(frame, shutter=(0, 0)):
+        return albedo(render(stage, frame=frame, shutter=shutter, samples=64), 1, 1)
+
+    np.testing.assert_allclose(at(1, (-0.5, 0.5)), RED, atol=3e-3)
+    np.testing.assert_allclose(at(1, (-0.5, 2.5)), RED, atol=3e-3)
+    np.testing.assert_allclose(at(2.5, (-1.0, 1.0)), [0.18] * 3, atol=3e-3)
+    np.testing.assert_allclose(at(3, (-0.8, 0.0)), BLUE, atol=3e-3)
+    np.testing.assert_allclose(at(3, (0.0, 1.0)), [0, 0.5, 0.5], atol=0.05)
+
+
+def test_primvars_as_aovs_of_the_command(tmp_path, capsys):
+    stage = scene("constant", [RED])
+    api = UsdGeom.PrimvarsAPI(stage.GetPrimAtPath("/grid"))
+    api.CreatePrimvar("hash", Sdf.ValueTypeNames.UInt, "constant").Set(0xFEDCBA98)
+    api.CreatePrimvar("wear", Sdf.ValueTypeNames.FloatArray, "uniform").Set([0.5, 1.0, 1.0, 1.0])
+    file, out = tmp_path / "scene.usda", tmp_path / "out.exr"
+    stage.GetRootLayer().Export(str(file))
+    flags = ["-cam", "/camera", "-w", "40", "--samples", "4", "--filter", "box", "--float"]
+    aovs = ["--aov", "primvars:hash", "--aov", "primvars:wear"]
+    assert main(["record", str(file), str(out), *flags, *aovs]) == 0
+    assert capsys.readouterr().err == ""
+    channels = read_exr(out)
+    assert channels["hash.X"][pixel(1, 1)] == 0xFEDCBA98
+    assert channels["hash.X"][0, 0] == 0xFFFFFFFF
+    assert channels["wear.X"][pixel(-1, -1)] == 0.5
+    assert main(["record", str(file), str(out), *flags, "--aov", "primvars:"]) == 2
+    assert main(["record", str(file), str(out), *flags, "--aov", "wear"]) == 2
+    assert "primvars:NAME" in capsys.readouterr().err

@@ -239,7 +239,8 @@ def _add_output_flags(group) -> None:
         action="append",
         default=[],
         metavar="NAME",
-        help=f"also write this AOV to the EXR (repeatable): {', '.join(AOVS[1:])}",
+        help=f"also write this AOV to the EXR (repeatable): {', '.join(AOVS[1:])}, or "
+        "primvars:NAME for a primvar",
     )
     pixels = group.add_mutually_exclusive_group()
     pixels.add_argument("--half", action="store_true", help="16-bit EXR pixels (default)")

@@ -3,6 +3,7 @@
 Nothing is checked here but that they hold numbers: the renderer checks counts and indices.
 """
 
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
@@ -43,6 +44,16 @@ NUMBERS = {
     np.dtype(np.uint64): "UINT64",
     np.dtype(np.uint8): "UINT8",
 }
+
+
+WHOLE = {
+    Sdf.ValueTypeNames.Int: np.int32,
+    Sdf.ValueTypeNames.UInt: np.uint32,
+    Sdf.ValueTypeNames.Int64: np.int64,
+    Sdf.ValueTypeNames.UInt64: np.uint64,
+    Sdf.ValueTypeNames.UChar: np.uint8,
+}
+"""Scalars of these types come as Python's int."""
 
 
 @dataclass
@@ -181,7 +192,7 @@ def _read(prim, name: str, authored: _Authored, shutter: Shutter, log) -> Primva
         text += f"{', '.join(INTERPOLATIONS)}; {interpolation} is used"
         log.warn(path, "primvar-interpolation", text)
     type_name = authored.attribute.GetTypeName()
-    samples = []
+    samples, blocks = [], []
     for time in authored.times(shutter):
         code = shutter.code(time)
         try:
@@ -191,6 +202,7 @@ def _read(prim, name: str, authored: _Authored, shutter: Shutter, log) -> Primva
             log.warn(path, "type", f"{error}; it is ignored")
             return None
         if value is None:
+            blocks.append(time)
             continue
         values = _numbers(value, type_name)
         if values is None:
@@ -202,6 +214,7 @@ def _read(prim, name: str, authored: _Authored, shutter: Shutter, log) -> Primva
         if name in TYPES and values.dtype.kind in "iu":
             values = values.astype(np.float32)
         samples.append(Sample(time, values, indices))
+    samples = _between_blocks(samples, blocks)
     if not any(sample.values.size for sample in samples):
         return None  # blocked, or authored but empty: as if not authored
     return Primvar(
@@ -228,13 +241,25 @@ def _typed(attribute: Usd.Attribute, code: Usd.TimeCode, expected: Sdf.ValueType
         raise
 
 
+def _between_blocks(samples: list[Sample], blocks: list[float]) -> list[Sample]:
+    """Samples without a block (None) between them and the frame; none where that is blocked.
+
+    USD holds the sample before a block up to it, and has no value from there to the next sample.
+    """
+    start = max((time for time in blocks if time <= 0.0), default=-math.inf)
+    end = min((time for time in blocks if time > 0.0), default=math.inf)
+    kept = [sample for sample in samples if start < sample.time < end]
+    is_blocked = math.isfinite(start) and not any(sample.time <= 0.0 for sample in kept)
+    return [] if is_blocked else kept
+
+
 def _numbers(value, type_name: Sdf.ValueTypeName) -> np.ndarray | None:
     """(n, width) numbers of a value or an array of them; None for what is not numbers."""
     if type_name.scalarType == Sdf.ValueTypeNames.TimeCode:
         return None
     if isinstance(value, Gf.Quatf | Gf.Quatd | Gf.Quath):
         value = (*value.GetImaginary(), value.GetReal())  # as in arrays of them
-    array = np.asarray(value)
+    array = np.asarray(value, None if type_name.isArray else WHOLE.get(type_name))
     if array.dtype == np.bool_:
         array = array.astype(np.uint8)
     if array.dtype not in NUMBERS:

@@ -13,13 +13,14 @@ Who decides, first to last:
 import difflib
 from dataclasses import dataclass, field
 
-from pxr import Usd, UsdGeom, UsdRender
+from pxr import Sdf, Usd, UsdGeom, UsdRender
 
 from .camera import find_camera
 from .errors import UsageError
 from .flags import COMPLEXITIES
 from .log import SceneLog
 from .options import AOVS, Options
+from .primvars import AOV_PREFIX
 from .settings import check_unused, effect_values, image_values, purpose_values
 from .usdrender import RENDERER_NAMES, find_render_pass, find_render_settings
 
@@ -134,8 +135,9 @@ def flag_values(args) -> dict:
 
 
 def _known_aov(name: str) -> str:
-    if name in AOVS:
+    primvar = name.removeprefix(AOV_PREFIX)
+    if name in AOVS or (primvar != name and Sdf.Path.IsValidNamespacedIdentifier(primvar)):
         return name
     near = difflib.get_close_matches(name, AOVS, 1, 0.5)
-    hint = f"Did you mean {near[0]}?" if near else f"Known are {', '.join(AOVS)}."
+    hint = f"Did you mean {near[0]}?" if near else f"Known are {', '.join(AOVS)} and primvars:NAME."
     raise UsageError(f"--aov: there is no AOV {name}. {hint}")

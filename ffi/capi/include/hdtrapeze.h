@@ -726,7 +726,8 @@ typedef struct trz_primvar {
   uint32_t struct_size;
   // TRZ_INTERPOLATION_*.
   uint32_t interpolation;
-  // TRZ_NUMBERS_*. All are kept in 32 bits; integers beyond become the nearest, with a warning.
+  // TRZ_NUMBERS_*. All are kept in 32 bits; integers beyond become the nearest, with a warning;
+  // unsigned ones keep their bits.
   uint32_t type;
   // TRZ_ROLE_*.
   uint32_t role;

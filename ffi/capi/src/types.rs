@@ -168,7 +168,8 @@ pub struct trz_primvar {
     pub struct_size: u32,
     /// TRZ_INTERPOLATION_*.
     pub interpolation: u32,
-    /// TRZ_NUMBERS_*. All are kept in 32 bits; integers beyond become the nearest, with a warning.
+    /// TRZ_NUMBERS_*. All are kept in 32 bits; integers beyond become the nearest, with a warning;
+    /// unsigned ones keep their bits.
     pub r#type: u32,
     /// TRZ_ROLE_*.
     pub role: u32,

@@ -8,6 +8,14 @@ use crate::motion::keys::Blend;
 use crate::motion::{Shutter, Timeline};
 use crate::scene::{Interpolation, PrimvarDesc, PrimvarSample, PrimvarValues};
 
+/// Number of items of a sample as authored.
+pub(super) fn items(sample: &PrimvarSample, width: usize) -> usize {
+    match sample.indices.len() {
+        0 => sample.values.len() / width,
+        indices => indices,
+    }
+}
+
 /// Number of items of a sample: 1 where one value serves all.
 pub(super) fn check(
     sample: &PrimvarSample,
@@ -31,10 +39,7 @@ pub(super) fn check(
         let text = format!("has indices outside its {values} values");
         return Err((Code::PrimvarLength, text));
     }
-    let items = match sample.indices.len() {
-        0 => values,
-        indices => indices,
-    };
+    let items = items(sample, width);
     let expected = counts.of(primvar.interpolation);
     if items == 1 || (items > 1 && primvar.interpolation == Interpolation::Constant) {
         return Ok(1);

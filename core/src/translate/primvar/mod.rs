@@ -197,6 +197,17 @@ pub fn resolve(
             Err(refusal) => refused.push((sample.time, refusal)),
         }
     }
+    if primvar.interpolation == Interpolation::Constant
+        && let Some(many) = kept
+            .iter()
+            .map(|(s, _)| keys::items(s, width))
+            .find(|&n| n > 1)
+    {
+        let text = format!(
+            "has {many} values but is constant, as without an interpolation; the first is used"
+        );
+        say(Code::PrimvarLength, text);
+    }
     if let Some((time, (code, why))) = refused.first() {
         let text = match (kept.is_empty(), refused.len()) {
             (true, _) => format!("{why}; it is ignored"),

@@ -127,6 +127,16 @@ fn bad_input_is_refused_with_one_warning() {
 }
 
 #[test]
+fn many_values_of_a_constant_are_told() {
+    let (out, warnings) = run(&still(Constant, vec![3.0, 4.0, 5.0], vec![]));
+    assert_eq!(out.unwrap().item(0), &[3.0]);
+    assert_eq!(warnings.len(), 1, "{warnings:?}");
+    assert!(warnings[0].text.contains("3 values"), "{warnings:?}");
+    let (_, warnings) = run(&still(Constant, vec![3.0], vec![]));
+    assert!(warnings.is_empty(), "{warnings:?}");
+}
+
+#[test]
 fn elements_of_several_numbers_and_values_that_were_not_authored() {
     let primvar = PrimvarDesc {
         width: 2,
