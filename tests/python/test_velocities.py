@@ -33,10 +33,11 @@ def points_of(stage, frame, shutter, path="/quad"):
         warnings = list(renderer.log.warnings)
     about = text.split(f"mesh {path}\n")[1].split("\n\n")[0]
     keys = []
-    for time, points in re.findall(r"points at (\S+): \d+: (.*)", about):
+    for time, points in re.findall(r"points(?: at shutter (\S+))?: \d+: (.*)", about):
         numbers = np.array(points.replace("(", " ").replace(")", " ").split(), dtype=float)
-        code = None if frame is None else frame + shutter[0] + float(time) * np.ptp(shutter)
+        code = None if frame is None else frame + shutter[0] + float(time or 0) * np.ptp(shutter)
         keys.append((code, numbers.reshape(-1, 3)))
+    assert keys
     return keys, warnings
 
 

@@ -1,6 +1,6 @@
 //! The camera of a dump.
 
-use super::text::{Page, array, matrix, number, numbers, pair};
+use super::text::{Page, array, at, matrix, number, numbers, pair};
 use crate::motion::{Hierarchy, Shutter, Timeline};
 use crate::scene::{ApertureDesc, CameraDesc, LensSample, ShutterCurveKind};
 
@@ -14,7 +14,7 @@ pub(super) fn write(page: &mut Page, camera: &CameraDesc, shutter: Shutter) {
             [(_, lens)] => write_lens(page, lens),
             many => {
                 for (time, lens) in many {
-                    page.line(&format!("lens at {}", number(*time)));
+                    page.line(&format!("lens{}", at(many.len(), *time)));
                     page.indented(|page| write_lens(page, lens));
                 }
             }
@@ -43,9 +43,10 @@ pub(super) fn write(page: &mut Page, camera: &CameraDesc, shutter: Shutter) {
         }
         match Hierarchy::new(&camera.transform, shutter) {
             Ok(hierarchy) => {
-                for time in hierarchy.key_times() {
+                let times = hierarchy.key_times();
+                for &time in &times {
                     let text = matrix(&hierarchy.matrix(time));
-                    page.line(&format!("at {}: {text}", number(time)));
+                    page.line(&format!("transform{}: {text}", at(times.len(), time)));
                 }
             }
             Err(error) => page.line(&format!("transform: {error}")),
@@ -60,13 +61,13 @@ fn lenses(camera: &CameraDesc, shutter: Shutter) -> Vec<(f64, LensSample)> {
     let Some(timeline) = Timeline::new(&times, shutter) else {
         return vec![(0.0, camera.lens())];
     };
-    let at = |time: f64| {
+    let lens_at = |time: f64| {
         let blend = timeline.blend(time);
         let lens = samples[blend.a].lerp(&samples[blend.b], blend.f);
         (time, LensSample { time: 0.0, ..lens })
     };
     let keys = timeline.key_times(shutter.is_still());
-    let mut lenses: Vec<_> = keys.into_iter().map(at).collect();
+    let mut lenses: Vec<_> = keys.into_iter().map(lens_at).collect();
     if lenses.iter().all(|(_, lens)| *lens == lenses[0].1) {
         lenses.truncate(1);
     }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use glam::Vec3;
 
-use super::text::{Page, array, integers, number};
+use super::text::{Page, array, at, integers, number};
 use crate::diagnostics::Warning;
 use crate::motion::Shutter;
 use crate::scene::{
@@ -161,7 +161,8 @@ fn implicit(
         desc.kind, desc.axis, desc.orientation
     ));
     for (time, sizes) in checked.points.times.iter().zip(&checked.sizes) {
-        page.line(&format!("sizes at {}: {}", number(*time), array(sizes, 3)));
+        let at = at(checked.sizes.len(), *time);
+        page.line(&format!("sizes{at}: {}", array(sizes, 3)));
     }
     Some(checked.primvar_counts())
 }
@@ -237,7 +238,7 @@ fn raw_points(
 fn points(page: &mut Page, keys: &PointKeys) {
     for (time, points) in keys.times.iter().zip(&keys.points) {
         let text = vectors(points);
-        page.line(&format!("points at {}: {text}", number(*time)));
+        page.line(&format!("points{}: {text}", at(keys.times.len(), *time)));
     }
 }
 

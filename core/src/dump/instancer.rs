@@ -2,7 +2,7 @@
 //! of the arrays' own samples.
 
 use super::prim::write_resolved;
-use super::text::{Page, integers, matrix, number};
+use super::text::{Page, at, integers, matrix};
 use super::{write_motion, write_transform, write_warnings};
 use crate::motion::Shutter;
 use crate::scene::{InstancerDesc, PrototypeOf, Scene};
@@ -41,7 +41,8 @@ pub(super) fn write(page: &mut Page, desc: &InstancerDesc, scene: &Scene, shutte
                 for &i in members.iter().take(WHOLE) {
                     for &time in instancer.key_times() {
                         let m = instancer.instance(i as usize, time);
-                        page.line(&format!("{i} at {}: {}", number(time), matrix(&m)));
+                        let at = at(instancer.key_times().len(), time);
+                        page.line(&format!("{i}{at}: {}", matrix(&m)));
                     }
                 }
                 if members.len() > WHOLE {

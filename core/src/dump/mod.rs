@@ -21,7 +21,7 @@ use crate::render::resolve_shutter;
 use crate::scene::{
     CameraDesc, Cull, InstancerDesc, PrimDesc, RenderSettings, Scene, TransformSamples,
 };
-use text::{Page, matrix, number, pair};
+use text::{Page, at, matrix, number, pair};
 
 /// Version of the format; the first line of every dump tells it.
 pub const VERSION: u32 = 1;
@@ -36,7 +36,11 @@ pub fn dump(scene: &Scene) -> String {
     let mut warnings = Vec::new();
     let shutter = resolve_shutter(camera.map_or(&none, Arc::as_ref), settings, &mut warnings);
     page.line("");
-    page.line(&format!("shutter {}", pair([shutter.open, shutter.close])));
+    let ends = pair([shutter.open, shutter.close]);
+    page.line(&format!("shutter {ends} in time codes relative to the frame"));
+    if !shutter.is_still() {
+        page.line("at shutter 0: as it opens; at shutter 1: as it closes");
+    }
     write_warnings(&mut page, &warnings);
     page.line("");
     write_settings(&mut page, settings);
@@ -75,9 +79,10 @@ fn write_motion(page: &mut Page, blur_scale: f64, nonlinear_samples: Option<u32>
 fn write_transform(page: &mut Page, levels: &[TransformSamples], shutter: Shutter) {
     match Hierarchy::new(levels, shutter) {
         Ok(hierarchy) => {
-            for time in hierarchy.key_times() {
+            let times = hierarchy.key_times();
+            for &time in &times {
                 let text = matrix(&hierarchy.matrix(time));
-                page.line(&format!("transform at {}: {text}", number(time)));
+                page.line(&format!("transform{}: {text}", at(times.len(), time)));
             }
         }
         Err(error) => page.line(&format!("transform: {error}")),

@@ -1,7 +1,7 @@
 //! One prim of a dump.
 
 use super::instancer::write_part_of;
-use super::text::{Page, array, integers, number};
+use super::text::{Page, array, at, integers, number};
 use super::{geometry, write_motion, write_transform, write_warnings};
 use crate::motion::Shutter;
 use crate::scene::{Interpolation, PrimCommon, PrimDesc, PrimvarDesc, PrimvarValues, Scene};
@@ -75,10 +75,7 @@ pub(super) fn write_resolved(page: &mut Page, name: &str, primvar: &Resolved) {
             true => numbers.as_chunks().0.iter().map(whole).collect(),
             false => numbers,
         };
-        let time = match primvar.key_times.len() {
-            1 => String::new(),
-            _ => format!(" at {}", number(*time)),
-        };
+        let time = at(primvar.key_times.len(), *time);
         let text = array(&numbers, primvar.width);
         page.line(&format!(
             "{}{time} {text}",
@@ -104,7 +101,7 @@ fn write_raw(page: &mut Page, name: &str, primvar: &PrimvarDesc) {
         };
         let time = match primvar.samples.len() {
             1 => String::new(),
-            _ => format!(" at time {}", number(sample.time)),
+            _ => format!(" at time code {}", number(sample.time)),
         };
         let text = array(&values, width);
         page.line(&format!(

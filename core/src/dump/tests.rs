@@ -58,7 +58,7 @@ fn a_scene_is_told_in_order_of_paths_with_resolved_motion() {
     let wanted = "\
 mesh /a
   nothing to render
-  transform at 0: ((1 0 0 0) (0 1 0 0) (0 0 1 0) (0 0 0 1))
+  transform: ((1 0 0 0) (0 1 0 0) (0 0 1 0) (0 0 0 1))
 
 mesh /b
   scheme None
@@ -66,13 +66,15 @@ mesh /b
   face vertex counts 1: 3
   face vertex indices 3: 0 1 2
   authored faces kept 1: 0
-  points at 0: 3: (0 -0.25 0) (1 0 0) (0 1 0)
-  points at 1: 3: (0 0.25 0) (1 0 0) (0 1 0)
-  transform at 0: ((1 0 0 0) (0 1 0 0) (0 0 1 0) (1 0 0 1))
+  points at shutter 0: 3: (0 -0.25 0) (1 0 0) (0 1 0)
+  points at shutter 1: 3: (0 0.25 0) (1 0 0) (0 1 0)
+  transform: ((1 0 0 0) (0 1 0 0) (0 0 1 0) (1 0 0 1))
   warning topology: 1 of 2 faces have fewer than 3 vertices; dropped
 ";
     assert!(
-        text.starts_with("hdtrapeze dump 1\n\nshutter -0.25 0.25\n"),
+        text.starts_with(
+            "hdtrapeze dump 1\n\nshutter -0.25 0.25 in time codes relative to the frame\nat shutter 0: as it opens;"
+        ),
         "{text}"
     );
     assert!(text.contains("\ncamera /camera\n"), "{text}");
@@ -84,12 +86,12 @@ fn a_scene_without_a_camera_is_told_at_the_frame() {
     let mut scene = scene();
     scene.active_camera = None;
     let text = dump(&scene);
-    assert!(text.contains("shutter 0 0\n") && text.contains("no camera\n"));
+    assert!(text.contains("shutter 0 0 in time codes") && text.contains("no camera\n"));
     assert!(
-        text.contains("points at 0: 3: (0 0 0) (1 0 0) (0 1 0)\n"),
+        text.contains("points: 3: (0 0 0) (1 0 0) (0 1 0)\n"),
         "{text}"
     );
-    assert!(!text.contains("points at 1"));
+    assert!(!text.contains(" at shutter"));
 }
 
 #[test]
@@ -109,7 +111,7 @@ fn a_lens_is_told_once_or_at_its_keys() {
         c.lens_samples = vec![sample(-0.25, 2.0), sample(0.25, 4.0)];
     });
     assert!(
-        rack.contains("  lens at 0\n    aperture and offset"),
+        rack.contains("  lens at shutter 0\n    aperture and offset"),
         "{rack}"
     );
     assert!(rack.contains("    focus distance 4\n"), "{rack}");

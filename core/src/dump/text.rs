@@ -69,6 +69,15 @@ pub(super) fn number(x: impl Into<f64>) -> String {
     }
 }
 
+/// Which of `count` keys, by its part of the shutter; nothing where there is one only: a value that
+/// stays has no time.
+pub(super) fn at(count: usize, time: impl Into<f64>) -> String {
+    match count {
+        1 => String::new(),
+        _ => format!(" at shutter {}", number(time)),
+    }
+}
+
 /// Two numbers.
 pub(super) fn pair(values: [f64; 2]) -> String {
     numbers(&values)

@@ -101,7 +101,7 @@ def make_parser(version: str) -> argparse.ArgumentParser:
     dump = commands.add_parser(
         "dump",
         help="print the scene of a USD file as the renderer understands it",
-        description="Prints prims, motion keys, instances, camera and settings as stable text.",
+        description="Prints prims, motion keys, instances, camera, settings and products as text.",
         epilog="The flags that choose what is rendered are those of `hdtrapeze record`.",
         allow_abbrev=False,
     )

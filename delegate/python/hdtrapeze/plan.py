@@ -42,7 +42,7 @@ class Render:
 
 def plan_renders(
     request: Request,
-    path: OutputPath,
+    path: OutputPath | None,
     color: str | None,
     with_products: bool,
     session: Session,
