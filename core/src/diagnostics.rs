@@ -5,6 +5,9 @@
 
 use std::fmt;
 
+/// Significant digits of numbers: enough to tell authored f32 apart.
+const DIGITS: i32 = 6;
+
 /// What went wrong with a prim, as a stable code that hosts and tests can match.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Code {
@@ -61,5 +64,31 @@ impl Warning {
 impl fmt::Display for Warning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}: {} [{}]", self.prim, self.text, self.code.name())
+    }
+}
+
+/// A number with six significant digits and nothing superfluous.
+pub fn number(x: impl Into<f64>) -> String {
+    let x: f64 = x.into();
+    if x == 0.0 {
+        return "0".to_owned();
+    }
+    if !x.is_finite() {
+        return format!("{x}").to_lowercase();
+    }
+    let scientific = format!("{x:.*e}", DIGITS as usize - 1);
+    let (mantissa, exponent) = scientific.split_once('e').unwrap_or((&scientific, "0"));
+    let exponent: i32 = exponent.parse().unwrap_or(0);
+    let trim = |text: &str| match text.contains('.') {
+        true => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
+        false => text.to_owned(),
+    };
+    if (-5..DIGITS + 3).contains(&exponent) {
+        // Rounded to the same digits, written out.
+        let rounded: f64 = scientific.parse().unwrap_or(x);
+        let decimals = (DIGITS - 1 - exponent).max(0) as usize;
+        trim(&format!("{rounded:.decimals$}"))
+    } else {
+        format!("{}e{exponent}", trim(mantissa))
     }
 }

@@ -5,7 +5,16 @@ import numpy as np
 import pytest
 from oracle import agree, blurred, mean_over_times
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
-from scenes import DISTANCE, add_camera, add_quad, new_stage, quad_coverage, render, set_samples
+from scenes import (
+    DISTANCE,
+    add_camera,
+    add_quad,
+    new_stage,
+    one_warning,
+    quad_coverage,
+    render,
+    set_samples,
+)
 
 NAMES = Sdf.ValueTypeNames
 
@@ -464,3 +473,17 @@ def test_a_stereo_role_changes_nothing():
     image = render(stage)
     assert image.warnings == []
     np.testing.assert_array_equal(image["color"], plain)
+
+
+def test_attributes_that_are_none_of_a_cameras():
+    stage = new_stage()
+    author(add_camera(stage), trapeze__aperture__blade=5)
+    add_quad(stage)
+    one_warning(render(stage), "/camera", "blade is no attribute", "trapeze:aperture:blades?")
+
+
+def test_numbers_in_warnings_are_short_and_as_authored():
+    stage = new_stage()
+    add_camera(stage, horizontalAperture=1e30)
+    add_quad(stage)
+    one_warning(render(stage), "/camera", "apertures 1e30 x 20 with focal length 20 (tenths")

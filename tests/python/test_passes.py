@@ -194,3 +194,9 @@ def test_collections_that_cannot_be_are_one_warning(stage):
     for name, why in (("matte", "circular"), ("prune", "circular"), ("renderVis", "nonsense")):
         assert any(name in text and why in text for *_, text in log.warnings), log.warnings
     np.testing.assert_array_equal(through(stage, render_pass).alpha, ALL)
+
+
+@pytest.mark.parametrize("name", ["prune", "matte", "renderVisibility"])
+def test_prims_that_are_not_there(stage, name):
+    image = through(stage, collection(stage, name, includes=["/World", "/Wrold/left"]))
+    one_warning(image, "/pass", f"collection {name} names /Wrold/left, which is no prim")

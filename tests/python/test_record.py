@@ -416,11 +416,28 @@ def test_a_value_that_begins_with_a_minus(scene, tmp_path, capsys):
 
 @pytest.mark.parametrize(
     ("name", "words"),
-    [("a.jpg", "must end in .exr or .png"), ("a", "must end"), ("a.##.exr", "--frames")],
+    [
+        ("a.jpg", "ends in .exr or .png, not .jpg"),
+        ("a", "ends in .exr or .png"),
+        (".exr", "must be a name that ends in"),
+        ("a.##.exr", "--frames"),
+    ],
 )
 def test_wrong_outputs_are_usage_errors(scene, tmp_path, capsys, name, words):
     assert run("record", scene, tmp_path / name) == 2
     assert words in capsys.readouterr().err
+
+
+def test_empty_names(scene, tmp_path, capsys):
+    assert run("record", scene, "") == 2
+    assert "The output has no name" in capsys.readouterr().err
+    assert run("record", "", tmp_path / "a.exr") == 3
+    assert "The file to read has no name" in capsys.readouterr().err
+
+
+def test_the_size_that_is_printed(scene, tmp_path, capsys):
+    assert run("record", scene, tmp_path / "a.exr", *SMALL, "--overscan", 3) == 0
+    assert "40 x 40 (data window 46 x 46 at -3, -3), 4 samples" in capsys.readouterr().out
 
 
 def test_png_holds_no_aovs(scene, tmp_path, capsys):

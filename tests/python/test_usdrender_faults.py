@@ -55,7 +55,11 @@ def test_a_product_without_vars_holds_color(scene, capsys):
     ("break_it", "words", "code"),
     [
         (lambda p, s: p.GetProductNameAttr().Clear(), "no productName", 1),
-        (lambda p, s: p.GetProductNameAttr().Set("shot.tif"), "must end in .exr or .png", 1),
+        (
+            lambda p, s: p.GetProductNameAttr().Set("shot.tif"),
+            "must be one that ends in .exr or .png",
+            1,
+        ),
         (lambda p, s: p.CreateProductTypeAttr("deepRaster"), "deepRaster is not supported", 0),
         (lambda p, s: p.CreateCameraRel().SetTargets(["/quad"]), "/quad is no camera", 1),
         (lambda p, s: p.CreateCameraRel().SetTargets(["/nobody"]), "/nobody is no camera", 1),
@@ -155,7 +159,8 @@ def test_several_cameras_are_one_warning(scene, capsys):
         ("pixelAspectRatio", 1e30, "from 0.001 to 1000"),
         ("aspectRatioConformPolicy", "stretch", "adjustPixelAspectRatio"),
         ("dataWindowNDC", Gf.Vec4f(0.5, 0, 0.5, 1), "xmin < xmax"),
-        ("includedPurposes", ["render", "everything"], "everything"),
+        ("includedPurposes", ["render", "everything"], "is [render, everything], which"),
+        ("dataWindowNDC", Gf.Vec4f(float("nan"), 0, 1, 1), "is (nan, 0, 1, 1), which"),
         ("renderingColorSpace", "lin_ap1_scene", "linear Rec. 709"),
     ],
 )

@@ -11,6 +11,7 @@
 use glam::{DVec2, Vec2};
 
 use super::CameraNotes;
+use crate::diagnostics::number;
 use crate::scene::ApertureDesc;
 
 /// More blades than this are round: the outline is within 1e-4 of the circle.
@@ -47,7 +48,8 @@ impl Aperture {
         let mut ratio = desc.ratio;
         if !(1.0 / LARGEST_RATIO..=LARGEST_RATIO).contains(&ratio) {
             notes.push(format!(
-                "aperture ratio {ratio} is not from 0.001 to 1000; 1 is used"
+                "aperture ratio {} is not from 0.001 to 1000; 1 is used",
+                number(ratio)
             ));
             ratio = 1.0;
         }
@@ -55,7 +57,8 @@ impl Aperture {
         if !(0.0..=1.0).contains(&roundness) {
             let usable = if roundness > 1.0 { 1.0 } else { 0.0 };
             notes.push(format!(
-                "aperture roundness {roundness} is not from 0 to 1; {usable} is used"
+                "aperture roundness {} is not from 0 to 1; {usable} is used",
+                number(roundness)
             ));
             roundness = usable;
         }

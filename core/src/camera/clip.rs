@@ -3,6 +3,7 @@
 use glam::{DVec3, Vec3};
 
 use super::CameraNotes;
+use crate::diagnostics::number;
 
 /// The part of a ray that is all cut off.
 const NOTHING: [f32; 2] = [1.0, 0.0];
@@ -39,10 +40,9 @@ impl ClippingPlanes {
                 bad = bad.or(Some(plane));
             }
         }
-        if let Some([a, b, c, d]) = bad {
-            notes.push(format!(
-                "clipping plane ({a}, {b}, {c}, {d}) is none; it is ignored"
-            ));
+        if let Some(plane) = bad {
+            let plane = plane.map(number).join(", ");
+            notes.push(format!("clipping plane ({plane}) is none; it is ignored"));
         }
         Self { planes: out }
     }

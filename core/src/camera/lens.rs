@@ -7,6 +7,7 @@
 
 use super::window::{Framing, Window};
 use super::{CameraNotes, Projection};
+use crate::diagnostics::number;
 use crate::motion::keys::Blend;
 use crate::motion::{Shutter, Timeline};
 use crate::scene::{CameraDesc, LensSample, RenderSettings};
@@ -63,9 +64,15 @@ impl Numbers {
         notes: &mut CameraNotes,
     ) -> Self {
         let film = Film::new(from, projection).unwrap_or_else(|| {
+            let [width, height, focal] = [
+                from.horizontal_aperture,
+                from.vertical_aperture,
+                from.focal_length,
+            ]
+            .map(tenths);
             notes.push(format!(
-                "apertures {} x {} with focal length {} give no view; the default is used",
-                from.horizontal_aperture, from.vertical_aperture, from.focal_length
+                "apertures {width} x {height} with focal length {focal} (tenths of scene units) give \
+                 no view; the default is used"
             ));
             Film::default_of(projection)
         });
@@ -79,15 +86,18 @@ impl Numbers {
             let radius = from.focal_length / (2.0 * f_stop);
             if !(radius > 0.0 && radius < LARGEST_LENGTH) {
                 notes.push(format!(
-                    "fStop {f_stop} with focal length {} gives no lens; a pinhole is used",
-                    from.focal_length
+                    "fStop {} with focal length {} (tenths of scene units) gives no lens; a pinhole \
+                     is used",
+                    number(f_stop),
+                    tenths(from.focal_length)
                 ));
                 f_stop = 0.0;
             } else if !has_focus {
                 notes.push(format!(
-                    "fStop is {f_stop} but focusDistance is {}; with no distance in focus, a \
-                     pinhole is used",
-                    from.focus_distance
+                    "fStop is {} but focusDistance is {}; with no distance in focus, a pinhole is \
+                     used",
+                    number(f_stop),
+                    number(from.focus_distance)
                 ));
                 f_stop = 0.0;
             }
@@ -95,7 +105,8 @@ impl Numbers {
         let mut exposure = from.exposure_scale;
         if !(exposure.is_finite() && exposure >= 0.0) {
             notes.push(format!(
-                "exposure scale {exposure} is not usable; 1 is used"
+                "exposure scale {} is not usable; 1 is used",
+                number(exposure)
             ));
             exposure = 1.0;
         }
@@ -255,6 +266,11 @@ impl LensPath {
         let Blend { a, b, f } = self.timeline.blend(time);
         mix(&self.samples[a], &self.samples[b], f)
     }
+}
+
+/// A length in the units that UsdGeomCamera has it in.
+fn tenths(length: f64) -> String {
+    number(length * 10.0)
 }
 
 /// Exact where both are the same.

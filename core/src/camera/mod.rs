@@ -20,6 +20,7 @@ pub mod window;
 
 use glam::{DAffine3, DVec3, Mat3, Vec2, Vec3};
 
+use crate::diagnostics::number;
 use crate::dice::RasterView;
 use crate::motion::{Shutter, TransformError, keys};
 use crate::scene::{CameraDesc, Projection, RenderSettings};
@@ -271,7 +272,8 @@ fn usable_clipping(clipping: [f64; 2]) -> ([f32; 2], Option<String>) {
         let near = near.max(far.min(1.0) * SMALLEST_NEAR);
         return ([near as f32, far as f32], None);
     }
-    let text = format!("clippingRange ({near}, {far}) is empty; (1, 1000000) is used");
+    let ends = [near, far].map(number).join(", ");
+    let text = format!("clippingRange ({ends}) is empty; (1, 1000000) is used");
     ([1.0, 1_000_000.0], Some(text))
 }
 

@@ -5,6 +5,7 @@
 //! become well-spread times, every sample weighs the same, and the image stays as bright.
 
 use super::CameraNotes;
+use crate::diagnostics::number;
 use crate::scene::{ShutterCurveDesc, ShutterCurveKind};
 
 /// Straight pieces that a Bezier segment becomes: their openness is within 1/8 (1/16)^2 of its
@@ -93,9 +94,11 @@ fn corners(desc: &ShutterCurveDesc) -> Result<Option<Vec<Corner>>, String> {
     let points = &desc.points;
     for (i, [position, openness]) in points.iter().enumerate() {
         if !(0.0..=1.0).contains(position) {
+            let position = number(*position);
             return Err(format!("has position {position}, not from 0 to 1"));
         }
         if !(openness.is_finite() && *openness >= 0.0) {
+            let openness = number(*openness);
             return Err(format!("has openness {openness}, not a number from 0 up"));
         }
         if i > 0 && *position < points[i - 1][0] {

@@ -37,7 +37,9 @@ pub fn dump(scene: &Scene) -> String {
     let shutter = resolve_shutter(camera.map_or(&none, Arc::as_ref), settings, &mut warnings);
     page.line("");
     let ends = pair([shutter.open, shutter.close]);
-    page.line(&format!("shutter {ends} in time codes relative to the frame"));
+    page.line(&format!(
+        "shutter {ends} in time codes relative to the frame"
+    ));
     if !shutter.is_still() {
         page.line("at shutter 0: as it opens; at shutter 1: as it closes");
     }

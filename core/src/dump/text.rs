@@ -4,8 +4,8 @@ use std::fmt::Write;
 
 use glam::DAffine3;
 
-/// Significant digits of numbers: two hosts' f32 arithmetic agrees to more.
-const DIGITS: i32 = 6;
+pub(super) use crate::diagnostics::number;
+
 /// Arrays up to this length are printed whole.
 const WHOLE: usize = 24;
 /// Values printed at either end of longer arrays.
@@ -40,32 +40,6 @@ impl Page {
     /// Everything that was written.
     pub fn finish(self) -> String {
         self.text
-    }
-}
-
-/// A number with six significant digits and nothing superfluous.
-pub(super) fn number(x: impl Into<f64>) -> String {
-    let x: f64 = x.into();
-    if x == 0.0 {
-        return "0".to_owned();
-    }
-    if !x.is_finite() {
-        return format!("{x}").to_lowercase();
-    }
-    let scientific = format!("{x:.*e}", DIGITS as usize - 1);
-    let (mantissa, exponent) = scientific.split_once('e').unwrap_or((&scientific, "0"));
-    let exponent: i32 = exponent.parse().unwrap_or(0);
-    let trim = |text: &str| match text.contains('.') {
-        true => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
-        false => text.to_owned(),
-    };
-    if (-5..DIGITS + 3).contains(&exponent) {
-        // Rounded to the same digits, written out.
-        let rounded: f64 = scientific.parse().unwrap_or(x);
-        let decimals = (DIGITS - 1 - exponent).max(0) as usize;
-        trim(&format!("{rounded:.decimals$}"))
-    } else {
-        format!("{}e{exponent}", trim(mantissa))
     }
 }
 

@@ -11,7 +11,8 @@ from .interrupts import Interrupts
 
 def main(arguments: list[str] | None = None) -> int:
     """Runs the command and gives its exit code (see flags.EXIT_CODES)."""
-    arguments = sys.argv[1:] if arguments is None else arguments
+    is_process = arguments is None
+    arguments = sys.argv[1:] if is_process else arguments
     interrupts = Interrupts()
     try:
         return _run(arguments, interrupts)
@@ -39,7 +40,7 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"error: {': '.join([type(error).__name__, *lines[:1]])}", file=sys.stderr)
         return errors.EXIT_RENDER
     finally:
-        interrupts.restore()
+        interrupts.restore(ends=is_process)
 
 
 def _run(arguments: list[str], interrupts: Interrupts) -> int:

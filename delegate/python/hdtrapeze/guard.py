@@ -22,6 +22,17 @@ FAULTS = (
 )
 """What USD, numpy and cffi raise for values of another type than was expected."""
 
+LONGEST = 100
+"""Characters of a value that messages show."""
+
+
+def shown(value) -> str:
+    """A value for a message, as USD's text files write it; long arrays are cut off."""
+    if isinstance(value, str):
+        return repr(value)
+    text = f"{value:g}" if isinstance(value, float) else str(value)
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
+
 
 def reason(error: Exception) -> str:
     """The message of a USD error without the C++ function it came from; others as they are."""

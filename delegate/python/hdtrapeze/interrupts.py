@@ -37,10 +37,11 @@ class Interrupts:
         except ValueError:  # not in the main thread: signals are someone else's
             pass
 
-    def restore(self) -> None:
-        """Handlers as they were before."""
+    def restore(self, ends: bool) -> None:
+        """Handlers as they were before. Where the process `ends` because of a signal, the next one
+        is ignored: it would end it without the exit code."""
         for number, before in self._before.items():
-            signal.signal(number, before)
+            signal.signal(number, signal.SIG_IGN if ends and self._count else before)
 
     @contextmanager
     def held(self):

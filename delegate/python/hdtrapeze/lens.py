@@ -25,7 +25,7 @@ from pxr import Sdf, Usd, UsdGeom
 from .guard import mistyped
 from .log import SceneLog
 from .shutter import Shutter, bracketing_samples
-from .typed import get_or_fallback, get_or_ignore
+from .typed import get_or_fallback, get_or_ignore, warn_unknown
 
 APERTURE_UNIT = 0.1
 """Scene units of one unit of aperture or focal length."""
@@ -166,6 +166,16 @@ def _sample_times(camera: UsdGeom.Camera, names, shutter: Shutter) -> set[float]
     return times
 
 
+KNOWN = (
+    "aperture:blades",
+    "aperture:rotation",
+    "aperture:roundness",
+    "aperture:ratio",
+    "shutter:curve",
+)
+"""Attributes of a camera in the namespace `trapeze`."""
+
+
 class _Attributes:
     """Custom attributes of a camera: what is authored, or a default with a warning."""
 
@@ -203,6 +213,7 @@ class _Attributes:
 def read_aperture(camera: UsdGeom.Camera, time: Usd.TimeCode, log: SceneLog) -> Aperture:
     """The shape of the lens' opening; the renderer checks the numbers."""
     read = _Attributes(camera, time, log)
+    warn_unknown(camera.GetPrim(), KNOWN, "attribute of a camera", log)
     names = ("trapeze:aperture:blades", "ri:apertureNSides", "primvars:arnold:aperture_blades")
     blades = read.number(0, *names)
     if not (math.isfinite(blades) and blades == int(blades) and 0 <= blades < 1 << 31):

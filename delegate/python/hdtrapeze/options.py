@@ -146,12 +146,19 @@ class Options:
         if self.shutter is not None:
             opens, closes = self.shutter
             require(
+                math.isfinite(opens) and math.isfinite(closes), "The shutter must be two numbers."
+            )
+            require(
                 opens <= closes, f"The shutter closes ({closes:g}) before it opens ({opens:g})."
             )
             require(abs(opens) < 1e6 and abs(closes) < 1e6, "The shutter is absurdly long.")
         if self.crop is not None:
             x0, y0, x1, y1 = self.crop
-            require(0 <= x0 < x1 and 0 <= y0 < y1, "The crop must have x0 < x1 and y0 < y1.")
+            require(x0 < x1 and y0 < y1, "The crop must have x0 < x1 and y0 < y1.")
+            text = (
+                "The crop begins outside of the image, at {:g}, {:g}; overscan is what adds to it."
+            )
+            require(x0 >= 0 and y0 >= 0, text.format(x0, y0))
             if any(isinstance(value, float) for value in self.crop):
                 require(x1 <= 1 and y1 <= 1, "A crop in fractions must lie within 0 to 1.")
             require(not self.overscan, "A crop and overscan contradict each other.")

@@ -53,7 +53,7 @@ class Output:
         path = expand_frame(name, frame)
         suffix = Path(path).suffix.lower()
         if suffix not in FORMATS:
-            text = f"its productName {name} must end in .exr or .png; not written"
+            text = f"its productName {name} must be one that ends in .exr or .png; not written"
             log.warn(self.owner, "product-name", text)
             return None
         if suffix == ".png" and len(self.vars) > 1:
@@ -94,9 +94,11 @@ def own_kind(output: OutputPath, has_aovs: bool) -> str:
     """EXR or PNG of the command's own file; raises where it cannot be written."""
     path = Path(output.path)
     kind = FORMATS.get(path.suffix.lower())
+    if not output.path:
+        raise UsageError("The output has no name.")
     if kind is None:
         raise UsageError(
-            f"{output.path}: the output must end in .exr or .png"
+            f"{output.path}: the output must be a name that ends in .exr or .png"
             + (f", not {path.suffix}." if path.suffix else ".")
         )
     if kind == "PNG" and has_aovs:

@@ -64,6 +64,7 @@ def _query(prim: Usd.Prim, name: str, default_is_all: bool, log: SceneLog):
     try:
         good, why = collection.Validate()
         if good:
+            _check_targets(collection, name, log)
             _check_expression(collection, name, log)
             if default_is_all or not collection.HasNoIncludedPaths():
                 return collection.ComputeMembershipQuery()
@@ -73,6 +74,18 @@ def _query(prim: Usd.Prim, name: str, default_is_all: bool, log: SceneLog):
         why = reason(error)
     log.warn(path, "collection", f"its collection {name} is ignored: {why}")
     return None
+
+
+def _check_targets(collection: Usd.CollectionAPI, name: str, log: SceneLog) -> None:
+    """Says which prims it names that are not there."""
+    prim = collection.GetPrim()
+    stage = prim.GetStage()
+    for relationship in (collection.GetIncludesRel(), collection.GetExcludesRel()):
+        for target in relationship.GetTargets():
+            missing = target.IsPrimPath() and not stage.GetPrimAtPath(target)
+            if missing and stage.GetPopulationMask().Includes(target):
+                text = f"its collection {name} names {target}, which is no prim"
+                log.warn(prim.GetPath(), "collection", text)
 
 
 def _check_expression(collection: Usd.CollectionAPI, name: str, log: SceneLog) -> None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 from pxr import Usd, UsdGeom, UsdRender
 
+from .guard import shown
 from .log import SceneLog
 from .settings import effect_values, image_values
 from .targets import prim_at, targets_of, warn_target
@@ -113,7 +114,7 @@ def _read_var(var: UsdRender.Var, log: SceneLog) -> RenderVar:
         value = attribute.Get()
         if isinstance(value, str):
             return value
-        log.warn(prim.GetPath(), "type", f"{name} is {value!r}, which is no text; ignored")
+        log.warn(prim.GetPath(), "type", f"{name} is {shown(value)}, which is no text; ignored")
         return ""
 
     has_prefix = prim.GetAttribute(f"{DRIVER}channel_prefix").HasAuthoredValue()

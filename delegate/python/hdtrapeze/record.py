@@ -199,9 +199,13 @@ def _print_statistics(args, renderer, frame, outputs, statistics) -> None:
     if not args.quiet:
         width, height = renderer.resolution
         at = "default time" if frame is None else f"frame {frame:g}"
+        x0, y0, x1, y1 = renderer.options.data_window(width, height)
+        size = f"{width} x {height}"
+        if (x0, y0, x1, y1) not in ((0, 0, 0, 0), (0, 0, width, height)):
+            size += f" (data window {x1 - x0} x {y1 - y0} at {x0}, {y0})"
         for _, path in outputs:
             print(
-                f"{path}: {at}, {width} x {height}, {renderer.options.samples} samples, "
+                f"{path}: {at}, {size}, {renderer.options.samples} samples, "
                 f"{statistics['total_seconds']:.2f} s",
                 flush=True,
             )

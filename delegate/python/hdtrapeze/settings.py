@@ -5,17 +5,16 @@ fallbacks. Attributes in the namespace `trapeze` are this renderer's own (see TR
 prim. What cannot be used gives one warning with the prim's path, and is as if it were not there.
 """
 
-import difflib
 from collections.abc import Callable
 from numbers import Integral, Real
 
 from pxr import Usd, UsdRender
 
 from .errors import UsageError
-from .guard import FAULTS, reason
+from .guard import FAULTS, reason, shown
 from .log import SceneLog
 from .options import Options
-from .typed import Mistyped, get
+from .typed import Mistyped, get, warn_unknown
 
 CONFORM_POLICIES = {
     "expandAperture": "fit",
@@ -158,14 +157,10 @@ def _read(prim: UsdRender.SettingsBase, readers: dict, log: SceneLog, fallbacks:
 
 def _trapeze_values(prim: Usd.Prim, log: SceneLog) -> dict:
     values = {}
+    warn_unknown(prim, TRAPEZE, "setting of this renderer", log)
     for attribute in prim.GetAuthoredPropertiesInNamespace("trapeze"):
         name = attribute.GetName().removeprefix("trapeze:")
-        if name not in TRAPEZE:
-            near = difflib.get_close_matches(name, TRAPEZE, 1, 0.5)
-            hint = f"did you mean trapeze:{near[0]}?" if near else f"known are {', '.join(TRAPEZE)}"
-            text = f"trapeze:{name} is no setting of this renderer: {hint}"
-            log.warn(prim.GetPath(), "render-settings", text)
-        elif isinstance(attribute, Usd.Attribute):
+        if isinstance(attribute, Usd.Attribute) and name in TRAPEZE:
             field, convert = TRAPEZE[name]
             values |= _checked(attribute, lambda v, f=field, c=convert: {f: c(v)}, log) or {}
     return values
@@ -187,6 +182,6 @@ def _checked(attribute: Usd.Attribute, convert: Callable, log: SceneLog) -> dict
     except FAULTS as error:
         why = reason(error)
     why = why[:1].lower() + why[1:].removesuffix(".")
-    text = f"{attribute.GetName()} is {value!r}, which cannot be: {why}; ignored"
+    text = f"{attribute.GetName()} is {shown(value)}, which cannot be: {why}; ignored"
     log.warn(attribute.GetPrim().GetPath(), "render-settings", text)
     return None

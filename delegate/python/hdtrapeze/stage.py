@@ -43,6 +43,8 @@ def _one_line(text: str) -> str:
 
 def open_layer(path: str) -> Sdf.Layer:
     """The layer at `path`; raises InputError where it is missing or cannot be read."""
+    if not path:
+        raise InputError("The file to read has no name.")
     try:
         layer = Sdf.Layer.FindOrOpen(path)
     except Tf.ErrorException as error:

@@ -7,6 +7,9 @@ warning that names the prim, the attribute and both types. Words are compared wi
 schema allows.
 """
 
+import difflib
+from collections.abc import Iterable
+
 import numpy as np
 from pxr import Sdf, Tf, Usd
 
@@ -115,6 +118,17 @@ def token(attribute: Usd.Attribute, known, time: Usd.TimeCode, log: SceneLog) ->
         text = f"{name} is {value!r}, which is none of {', '.join(known)}; {fallback} is used"
         log.warn(attribute.GetPrim().GetPath(), f"token-{name}", text)
     return fallback
+
+
+def warn_unknown(prim: Usd.Prim, known: Iterable[str], what: str, log: SceneLog) -> None:
+    """A warning about each authored trapeze:NAME of which NAME is not among `known`."""
+    for found in prim.GetAuthoredPropertiesInNamespace("trapeze"):
+        name = found.GetName().removeprefix("trapeze:")
+        if name not in known:
+            near = difflib.get_close_matches(name, known, 1, 0.5)
+            hint = f"did you mean trapeze:{near[0]}?" if near else f"known are {', '.join(known)}"
+            text = f"trapeze:{name} is no {what}: {hint}"
+            log.warn(prim.GetPath(), "unknown-attribute", text)
 
 
 def _fallback(attribute: Usd.Attribute):

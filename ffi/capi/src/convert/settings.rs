@@ -68,7 +68,7 @@ pub(crate) fn settings(from: &trz_settings) -> Result<RenderSettings, Fault> {
     match pick(&["auto", "cpu", "gpu"], from.backend, "backend")? {
         "gpu" => Err(Fault::new(
             TRZ_ERROR_UNSUPPORTED,
-            "this version renders on the CPU only; ask for TRZ_BACKEND_AUTO or TRZ_BACKEND_CPU",
+            "this version renders on the CPU only; ask for the backend auto or cpu",
         )),
         _ => Ok(()),
     }?;
