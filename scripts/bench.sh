@@ -3,3 +3,4 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 cargo bench --workspace --locked --bench '*' "$@"
+.venv/bin/python scripts/load_time.py
