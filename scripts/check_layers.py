@@ -1,7 +1,7 @@
 """Holds the direction of imports between the workspace's crates.
 
-shaders <- core <- delegate <- ffi/capi, and core <- ffi/osd <- ffi/capi. Reads `cargo metadata`,
-so dependencies of every kind count (normal, build and dev). Also: wgpu belongs to core alone, and
+shaders <- core <- delegate <- ffi/capi, core/simd <- core, and core <- ffi/osd <- ffi/capi. Reads
+`cargo metadata`, so dependencies of every kind count (normal, build and dev). Also: wgpu belongs to core alone, and
 inside it to backend/gpu; cxx to ffi/osd alone; no crate is called `core`, which would shadow Rust's
 own; C and C++ outside ffi see only hdtrapeze.h.
 
@@ -22,7 +22,8 @@ PREFIX = "hdtrapeze-"
 # What each crate of the workspace may depend on inside the workspace.
 ALLOWED = {
     "hdtrapeze-shaders": set(),
-    "hdtrapeze-core": {"hdtrapeze-shaders"},
+    "hdtrapeze-simd": set(),
+    "hdtrapeze-core": {"hdtrapeze-shaders", "hdtrapeze-simd"},
     "hdtrapeze-osd": {"hdtrapeze-core"},
     "hdtrapeze-delegate": {"hdtrapeze-core"},
     "hdtrapeze-capi": {"hdtrapeze-core", "hdtrapeze-osd", "hdtrapeze-delegate"},

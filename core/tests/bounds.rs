@@ -5,30 +5,35 @@ mod trace_scenes;
 
 use glam::{DAffine3, DVec3, Vec3};
 use hdtrapeze_core::bvh::object::{Blas, BlockTree};
-use hdtrapeze_core::bvh::{Bounds8, Frame, LinearBox, ObjectGeometry, SMALL_GRID, Tree};
-use hdtrapeze_core::grid::DicedMesh;
+use hdtrapeze_core::bvh::{Bounds8, Frame, LinearBox, ObjectGeometry, SMALL_GRID, StoredBox, Tree};
+use hdtrapeze_core::grid::{DicedMesh, PlanarMesh};
 use hdtrapeze_core::trace::instance::world_bounds;
 use proptest::prelude::*;
 use trace_scenes::*;
 
 /// A vertex's position in f64; rounded by 2^-52 of it.
-fn position(mesh: &DicedMesh, g: usize, i: usize, time: f64) -> DVec3 {
+fn position(mesh: &PlanarMesh, g: usize, i: usize, time: f64) -> DVec3 {
     let keys = &mesh.key_times;
     let k = (0..keys.len().max(2) - 2)
         .take_while(|&k| f64::from(keys[k + 1]) <= time)
         .count();
-    let a = mesh.grid_positions(g, k)[i].as_dvec3();
+    let a = mesh.position(g, k, i).as_dvec3();
     if keys.len() < 2 {
         return a;
     }
-    let b = mesh.grid_positions(g, k + 1)[i].as_dvec3();
+    let b = mesh.position(g, k + 1, i).as_dvec3();
     let (t0, t1) = (f64::from(keys[k]), f64::from(keys[k + 1]));
     a + (b - a) * ((time - t0) / (t1 - t0))
 }
 
 /// True when `p` is inside, to within the rounding of f64 in this test.
-fn contains(b: &LinearBox, frame: &Frame, p: DVec3, time: f64) -> Result<(), String> {
-    let (lo, hi) = b.at(time);
+fn contains(
+    b: &impl Fn(f64) -> (DVec3, DVec3),
+    frame: &Frame,
+    p: DVec3,
+    time: f64,
+) -> Result<(), String> {
+    let (lo, hi) = b(time);
     for a in 0..3 {
         let x = frame.axes[a].as_dvec3().dot(p);
         let slack =
@@ -48,13 +53,13 @@ type Vertices = Vec<(usize, usize)>;
 
 /// Checks all below `reference`; returns the vertices there, as (grid, vertex).
 fn check_tree<B: Bounds8>(
-    mesh: &DicedMesh,
+    mesh: &PlanarMesh,
     tree: &BlockTree<B>,
     reference: u32,
     times: &[f64],
 ) -> Result<Vertices, String> {
     let mut all = Vec::new();
-    let children: Vec<(LinearBox, u32, Vertices)>;
+    let children: Vec<(StoredBox, u32, Vertices)>;
     let frame;
     if reference & Tree::<B>::LEAF != 0 && reference & SMALL_GRID != 0 {
         // A grid by itself: its bounds are those of the node above.
@@ -90,7 +95,7 @@ fn check_tree<B: Bounds8>(
         let frame = &tree.tree.frames[frame as usize];
         for &(g, i) in &vertices {
             for &time in times {
-                contains(&bounds, frame, position(mesh, g, i, time), time)?;
+                contains(&|t| bounds.at(t), frame, position(mesh, g, i, time), time)?;
             }
         }
         all.extend(vertices);
@@ -119,7 +124,7 @@ fn check_object(mesh: DicedMesh, times: &[f64]) -> Result<(), String> {
     for &(g, i) in &found {
         for &time in times {
             let p = position(mesh, g, i, time);
-            contains(object.bounds(), &Frame::IDENTITY, p, time)?;
+            contains(&|t| object.bounds().at(t), &Frame::IDENTITY, p, time)?;
             if p.abs().max_element() > f64::from(object.radius()) * (1.0 + 1e-14) {
                 return Err("beyond the radius".into());
             }

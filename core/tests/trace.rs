@@ -7,6 +7,7 @@ use hdtrapeze_core::grid::DicedMesh;
 use hdtrapeze_core::trace::{
     Hit, InstanceTransform, Ray, TraceCounts, World, WorldInstance, brute,
 };
+use hdtrapeze_simd::Level;
 use trace_scenes::*;
 
 /// Rays at a world of about unit size around `centre`.
@@ -273,7 +274,64 @@ fn order_and_batches_change_nothing() {
         }
         assert_eq!(back.t, hit.t);
     }
-    assert_eq!(alone, batch);
+    assert_eq!(alone.rays, batch.rays);
+}
+
+#[test]
+fn instruction_sets_and_packets_give_the_same_hits() {
+    // Packets that hold together, and packets of rays that have nothing to do with each other.
+    let worlds = [
+        world_of(sheet(6, 16, &keys(1))),
+        world_of(sheet(6, 16, &keys(2))),
+        world_of(patches(60, 8, &keys(3), 5)),
+        world_of(fur(300, &keys(2), 6)),
+        World::build(
+            (0..5u32)
+                .map(|i| {
+                    let transform = spinning(2, 0.5, DVec3::ONE, DVec3::X * f64::from(i) * 0.4);
+                    instance(&object(patches(8, 5, &keys(2), i.into())), transform)
+                })
+                .collect(),
+            DVec3::ZERO,
+        ),
+    ];
+    let mut rng = Rng(77);
+    let mut coherent = Vec::new();
+    for _ in 0..40 {
+        let (eye, time) = (Vec3::new(rng.signed(), rng.signed(), 3.0), rng.unit());
+        let target = rng.cube() * 0.8;
+        for lane in 0..16 {
+            let aside = Vec3::new((lane % 4) as f32, (lane / 4) as f32, 0.0) * 0.01;
+            let dir = target + aside - eye;
+            coherent.push(ray(eye, dir, time + 0.02 * rng.unit()));
+        }
+    }
+    let mixed: Vec<Ray> = (0..331)
+        .map(|_| random_ray(&mut rng, Vec3::ZERO, 1.5))
+        .collect();
+    for (w, world) in worlds.iter().enumerate() {
+        let scalar = world.clone().with_level(Level::SCALAR);
+        for rays in [&coherent, &mixed] {
+            let expected: Vec<Hit> = rays
+                .iter()
+                .map(|ray| scalar.trace(ray, &mut TraceCounts::default()))
+                .collect();
+            assert!(expected.iter().any(Hit::is_hit));
+            for level in Level::available() {
+                let world = world.clone().with_level(level);
+                let mut hits = vec![Hit::MISS; rays.len()];
+                let mut counts = TraceCounts::default();
+                world.trace_many(rays, &mut hits, &mut counts);
+                for (i, ray) in rays.iter().enumerate() {
+                    let alone = world.trace(ray, &mut TraceCounts::default());
+                    assert_eq!(alone, expected[i], "{w} {} {ray:?}", level.name());
+                    assert_eq!(hits[i], expected[i], "{w} {} {ray:?}", level.name());
+                }
+                assert_eq!(counts.rays, rays.len() as u64);
+                assert!(counts.node_tests > 0 && counts.cell_tests > 0);
+            }
+        }
+    }
 }
 
 #[test]

@@ -8,21 +8,13 @@
 //!
 //! A grid that is no larger than one group ([`is_small`]) needs no block: the tree refers to it itself.
 
-use glam::Vec3;
-
-use super::{Bounds8, COORDINATE_LIMIT, Frame, LinearBox, ROTATION_PAD};
-use crate::grid::{DicedMesh, Grid, MAX_GRID_RATE};
+use super::LinearBox;
+use crate::grid::{Grid, PlanarMesh};
 
 /// Most micropolygons of a group along u and v: one vector test of 8.
 pub const GROUP: (usize, usize) = (4, 2);
 /// Most groups of a block.
 pub const GROUPS: usize = 8;
-/// Most lattice vertices of a block: 9x9, 5x17 or 17x5.
-const MAX_BLOCK_VERTICES: usize = 85;
-
-/// Relative cost of turning a ray into a node's frame (9 products, 3 reciprocals), in units of
-/// one group test. An estimate, not yet measured; only the choice of frames depends on it.
-const TURN_COST: f32 = 0.3;
 
 /// A block is halved when the boxes of its halves have less than this part of its own area together.
 /// A quarter of each would be a straight diagonal strand (sum 1/2), half of each a surface (sum 1, and
@@ -126,22 +118,6 @@ pub fn whole(grid: &Grid) -> CellRect {
     }
 }
 
-/// Axis-aligned bounds of a small grid. None where a vertex is not finite, or beyond
-/// [`COORDINATE_LIMIT`].
-pub fn bound_small(mesh: &DicedMesh, number: u32) -> Option<LinearBox> {
-    let rect = whole(&mesh.grids[number as usize]);
-    let span = Span {
-        grid: number,
-        rect,
-        group: [rect.w, rect.h],
-        columns: 1,
-        count: 1,
-    };
-    let bounds = group_boxes(mesh, &span, None)[0];
-    let sound = bounds.is_finite() && bounds.max_abs() < COORDINATE_LIMIT;
-    (sound && all_finite(mesh, &span)).then_some(bounds)
-}
-
 /// Cuts a grid into as few blocks as the shapes 8x8, 4x16 and 16x4 allow, evenly.
 pub fn cut(number: u32, grid: &Grid) -> impl Iterator<Item = Span> + use<> {
     let (nu, nv) = (usize::from(grid.nu), usize::from(grid.nv));
@@ -168,7 +144,7 @@ pub fn cut(number: u32, grid: &Grid) -> impl Iterator<Item = Span> + use<> {
 
 /// Halves a block, along its longer side, for as long as [`HALVING`] says that it pays; appends what
 /// remains to `out`.
-pub fn refine(mesh: &DicedMesh, span: Span, out: &mut Vec<Span>) {
+pub fn refine(mesh: &PlanarMesh, span: Span, out: &mut Vec<Span>) {
     let r = span.rect;
     if r.w.max(r.h) >= 4 && r.w * r.h >= MIN_HALVED {
         let halves = if r.w > r.h {
@@ -201,186 +177,24 @@ pub fn refine(mesh: &DicedMesh, span: Span, out: &mut Vec<Span>) {
 }
 
 /// The box of a block's corners and middle, at both ends of the shutter: an estimate, for choices only.
-fn sampled_box(mesh: &DicedMesh, span: &Span) -> LinearBox {
+fn sampled_box(mesh: &PlanarMesh, span: &Span) -> LinearBox {
     let grid = &mesh.grids[span.grid as usize];
     let stride = usize::from(grid.nu) + 1;
     let [i, j, w, h] = [span.rect.i, span.rect.j, span.rect.w, span.rect.h].map(usize::from);
-    let start = mesh.grid_positions(span.grid as usize, 0);
-    let end = mesh.grid_positions(span.grid as usize, mesh.key_count() - 1);
+    let position = |k: usize, at: usize| mesh.position(span.grid as usize, k, at);
+    let last = mesh.key_count() - 1;
     let mut out = LinearBox::EMPTY;
     for (x, y) in [(0, 0), (w, 0), (0, h), (w, h), (w / 2, h / 2)] {
         let at = (j + y) * stride + i + x;
+        let (start, end) = (position(0, at), position(last, at));
         out = out.union(&LinearBox {
-            lo0: start[at],
-            hi0: start[at],
-            lo1: end[at],
-            hi1: end[at],
+            lo0: start,
+            hi0: start,
+            lo1: end,
+            hi1: end,
         });
     }
     out
-}
-
-/// True when the grid's rates and vertices are within the mesh.
-pub fn is_sound(mesh: &DicedMesh, grid: &Grid) -> bool {
-    let rate = 1..=MAX_GRID_RATE as u16;
-    rate.contains(&grid.nu)
-        && rate.contains(&grid.nv)
-        && grid.first_vertex as usize + grid.vertex_count() <= mesh.vertex_count
-}
-
-/// A block before its frame has a number.
-pub struct BuiltBlock<B> {
-    /// The block; its frame number is not set.
-    pub block: Block<B>,
-    /// Axis-aligned bounds of the block.
-    pub aabb: LinearBox,
-    /// Frame, if oriented bounds pay.
-    pub frame: Option<Frame>,
-    /// Largest magnitude of any bound of the block.
-    pub max_abs: f32,
-}
-
-/// Bounds the groups of a block in the frame that costs least. None where a vertex is not finite,
-/// or beyond [`COORDINATE_LIMIT`].
-pub fn bound<B: Bounds8>(mesh: &DicedMesh, span: Span) -> Option<BuiltBlock<B>> {
-    let boxes = group_boxes(mesh, &span, None);
-    let count = usize::from(span.count);
-    let aabb = union(&boxes[..count]);
-    // Minima pass over NaN: every vertex is looked at.
-    if !(aabb.is_finite() && aabb.max_abs() < COORDINATE_LIMIT && all_finite(mesh, &span)) {
-        return None;
-    }
-    let area = |boxes: &[LinearBox]| boxes.iter().map(LinearBox::mean_half_area).sum::<f32>();
-    let mut cost = area(&boxes[..count]);
-    let turn = aabb.mean_half_area() * TURN_COST;
-    let (mut best, mut frame) = (boxes, None);
-    for candidate in candidates(mesh, &span).into_iter().flatten() {
-        let boxes = group_boxes(mesh, &span, Some(&candidate));
-        let oriented = area(&boxes[..count]) + turn;
-        if oriented < cost {
-            (cost, best, frame) = (oriented, boxes, Some(candidate));
-        }
-    }
-    Some(BuiltBlock {
-        block: Block {
-            bounds: B::pack(&best[..count]),
-            frame: 0,
-            span,
-        },
-        aabb,
-        frame,
-        max_abs: aabb.max_abs().max(union(&best[..count]).max_abs()),
-    })
-}
-
-fn union(boxes: &[LinearBox]) -> LinearBox {
-    boxes.iter().fold(LinearBox::EMPTY, |a, b| a.union(b))
-}
-
-/// The block's lattice positions at key `k`, row by row.
-fn rows<'a>(
-    mesh: &'a DicedMesh,
-    span: &Span,
-    k: usize,
-) -> impl Iterator<Item = &'a [Vec3]> + use<'a> {
-    let grid = &mesh.grids[span.grid as usize];
-    let positions = mesh.grid_positions(span.grid as usize, k);
-    let stride = usize::from(grid.nu) + 1;
-    let [i, j, w, h] = [span.rect.i, span.rect.j, span.rect.w, span.rect.h].map(usize::from);
-    (j..=j + h).map(move |row| &positions[row * stride + i..][..w + 1])
-}
-
-fn all_finite(mesh: &DicedMesh, span: &Span) -> bool {
-    (0..mesh.key_count()).all(|k| {
-        rows(mesh, span, k).all(|row| {
-            row.iter()
-                .all(|p| p.is_finite() && p.abs().max_element() < COORDINATE_LIMIT)
-        })
-    })
-}
-
-/// Frames worth trying: along each direction of the lattice, with the block's normal, as the block
-/// lies in mid-shutter.
-fn candidates(mesh: &DicedMesh, span: &Span) -> [Option<Frame>; 2] {
-    let k = mesh.key_count() / 2;
-    let mut rows = rows(mesh, span, k);
-    let Some(first) = rows.next() else {
-        return [None; 2];
-    };
-    let last = rows.last().unwrap_or(first);
-    let end = first.len() - 1;
-    let u = (first[end] - first[0]) + (last[end] - last[0]);
-    let v = (last[0] - first[0]) + (last[end] - first[end]);
-    [Frame::from_edges(u, v), Frame::from_edges(v, u)]
-}
-
-/// Bounds of each group of a block, in a frame or axis-aligned: the central invariant is made here.
-pub fn group_boxes(mesh: &DicedMesh, span: &Span, frame: Option<&Frame>) -> [LinearBox; GROUPS] {
-    let mut boxes = [LinearBox::EMPTY; GROUPS];
-    let keys = mesh.key_count();
-    let count = usize::from(span.count);
-    let mut at_start = [(Vec3::ZERO, Vec3::ZERO); GROUPS];
-    group_ranges(mesh, span, 0, frame, &mut at_start);
-    let mut at_end = at_start;
-    if keys > 1 {
-        group_ranges(mesh, span, keys - 1, frame, &mut at_end);
-    }
-    for slot in 0..count {
-        boxes[slot] = LinearBox {
-            lo0: at_start[slot].0,
-            hi0: at_start[slot].1,
-            lo1: at_end[slot].0,
-            hi1: at_end[slot].1,
-        };
-    }
-    for k in 1..keys.saturating_sub(1) {
-        group_ranges(mesh, span, k, frame, &mut at_start);
-        for slot in 0..count {
-            boxes[slot].raise(mesh.key_times[k], at_start[slot].0, at_start[slot].1);
-        }
-    }
-    boxes
-}
-
-/// Ranges of the coordinates of each group's vertices at key `k`, widened for the rounding of the
-/// rotation where there is one.
-fn group_ranges(
-    mesh: &DicedMesh,
-    span: &Span,
-    k: usize,
-    frame: Option<&Frame>,
-    out: &mut [(Vec3, Vec3); GROUPS],
-) {
-    let mut lo = [Vec3::ZERO; MAX_BLOCK_VERTICES];
-    let mut hi = [Vec3::ZERO; MAX_BLOCK_VERTICES];
-    let stride = usize::from(span.rect.w) + 1;
-    for (row, positions) in rows(mesh, span, k).enumerate() {
-        for (i, &p) in positions.iter().enumerate() {
-            let at = row * stride + i;
-            (lo[at], hi[at]) = match frame {
-                None => (p, p),
-                Some(frame) => {
-                    let q = frame.turn(p);
-                    let pad = Vec3::splat((p.x.abs() + p.y.abs() + p.z.abs()) * ROTATION_PAD);
-                    (q - pad, q + pad)
-                }
-            };
-        }
-    }
-    for slot in 0..u32::from(span.count) {
-        let r = span.group_rect(slot);
-        let (i, j) = (
-            usize::from(r.i - span.rect.i),
-            usize::from(r.j - span.rect.j),
-        );
-        let mut range = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-        for row in j..=j + usize::from(r.h) {
-            for at in row * stride + i..=row * stride + i + usize::from(r.w) {
-                range = (range.0.min(lo[at]), range.1.max(hi[at]));
-            }
-        }
-        out[slot as usize] = range;
-    }
 }
 
 #[cfg(test)]
@@ -402,8 +216,6 @@ mod tests {
                 for span in cut(3, &grid) {
                     blocks += 1;
                     assert!(span.count as usize <= GROUPS && span.count > 0);
-                    let vertices = (span.rect.w as usize + 1) * (span.rect.h as usize + 1);
-                    assert!(vertices <= MAX_BLOCK_VERTICES);
                     for slot in 0..u32::from(span.count) {
                         let r = span.group_rect(slot);
                         assert!(usize::from(r.w) <= GROUP.0 && usize::from(r.h) <= GROUP.1);

@@ -25,6 +25,7 @@
 //! and in world space relative to the world origin for the tree over instances.
 
 pub mod block;
+pub mod bound;
 pub mod build;
 pub mod frame;
 pub mod linear;
@@ -34,7 +35,7 @@ pub mod object;
 pub use build::Tree;
 pub use frame::Frame;
 pub use linear::LinearBox;
-pub use node::{Bounds8, LinearSlabs, Node, StaticSlabs};
+pub use node::{Bounds8, LinearSlabs, Node, StaticSlabs, StoredBox};
 pub use object::{BvhStats, ObjectGeometry, SMALL_GRID};
 
 /// Unit roundoff of f32: `|fl(x) - x| <= U |x|`.

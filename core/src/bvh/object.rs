@@ -4,10 +4,13 @@
 
 use rayon::prelude::*;
 
-use super::block::{self, Block, BuiltBlock, Span};
+use hdtrapeze_simd::Level;
+
+use super::block::{self, Block, Span};
+use super::bound::{BuiltBlock, bound, bound_small};
 use super::build::{self, Tree};
 use super::{Bounds8, Frame, LinearBox, LinearSlabs, StaticSlabs};
-use crate::grid::DicedMesh;
+use crate::grid::{DicedMesh, PlanarMesh};
 
 /// Set in an item of the tree that is a small grid ([`block::is_small`]) rather than a block.
 pub const SMALL_GRID: u32 = 1 << 30;
@@ -75,7 +78,7 @@ impl BvhStats {
 /// A diced mesh with its tree.
 #[derive(Clone, Debug)]
 pub struct ObjectGeometry {
-    mesh: DicedMesh,
+    mesh: PlanarMesh,
     blas: Blas,
     bounds: LinearBox,
     radius: f32,
@@ -89,13 +92,12 @@ impl ObjectGeometry {
         let mut spans: Vec<Span> = Vec::new();
         let mut small: Vec<u32> = Vec::new();
         let mut dropped: u64 = 0;
-        let usable = !mesh.key_times.is_empty()
-            && mesh.positions.len() >= mesh.vertex_count * mesh.key_count()
-            && mesh.key_times.windows(2).all(|w| w[0] < w[1])
-            && (mesh.key_count() == 1
-                || mesh.key_times.first() == Some(&0.0) && mesh.key_times.last() == Some(&1.0));
+        let sound: Vec<bool> = (0..mesh.grids.len())
+            .map(|g| mesh.is_usable() && mesh.is_sound(g))
+            .collect();
+        let mesh = PlanarMesh::from(mesh);
         for (g, grid) in mesh.grids.iter().enumerate() {
-            if usable && block::is_sound(&mesh, grid) {
+            if sound[g] {
                 if block::is_small(grid) && g < SMALL_GRID as usize {
                     small.push(g as u32);
                     continue;
@@ -109,7 +111,7 @@ impl ObjectGeometry {
         }
         let mut stats = BvhStats {
             cells: mesh.cell_count() as u64,
-            mesh_bytes: mesh_bytes(&mesh),
+            mesh_bytes: mesh.bytes() as u64,
             dropped_grids: dropped,
             ..BvhStats::default()
         };
@@ -130,7 +132,7 @@ impl ObjectGeometry {
     }
 
     /// The mesh.
-    pub fn mesh(&self) -> &DicedMesh {
+    pub fn mesh(&self) -> &PlanarMesh {
         &self.mesh
     }
     /// The tree.
@@ -157,28 +159,17 @@ impl ObjectGeometry {
     }
 }
 
-fn mesh_bytes(mesh: &DicedMesh) -> u64 {
-    let channels: usize = mesh
-        .channels
-        .iter()
-        .map(|c| size_of_val(c.values.as_slice()))
-        .sum();
-    (size_of_val(mesh.positions.as_slice())
-        + size_of_val(mesh.normals.as_slice())
-        + size_of_val(mesh.grids.as_slice())
-        + channels) as u64
-}
-
 fn build_blocks<B: Bounds8>(
-    mesh: &DicedMesh,
+    mesh: &PlanarMesh,
     spans: Vec<Span>,
     small: &[u32],
     stats: &mut BvhStats,
 ) -> (BlockTree<B>, LinearBox, f32) {
+    let level = Level::best();
     let built: Vec<Option<BuiltBlock<B>>> = spans
         .par_iter()
         .with_min_len(64)
-        .map(|&span| block::bound(mesh, span))
+        .map(|&span| bound(level, mesh, span))
         .collect();
     // A grid is traced whole or not at all.
     let mut bad: Vec<u32> = spans
@@ -193,7 +184,7 @@ fn build_blocks<B: Bounds8>(
     let grids: Vec<Option<LinearBox>> = small
         .par_iter()
         .with_min_len(256)
-        .map(|&g| block::bound_small(mesh, g))
+        .map(|&g| bound_small(level, mesh, g))
         .collect();
     stats.dropped_grids += grids.iter().filter(|b| b.is_none()).count() as u64;
 
@@ -226,9 +217,11 @@ fn build_blocks<B: Bounds8>(
     let is_empty = boxes.is_empty();
     let mut tree: Tree<B> = build::build(boxes);
     tree.frames = frames;
-    // Raised bounds of different children union to no more than the root's; oriented ones may reach
-    // farther than any vertex, and are part of the radius.
+    // Oriented bounds, and bounds as packed, may reach farther than any vertex: they are part of the radius.
     radius = radius.max(if is_empty { 0.0 } else { bounds.max_abs() });
+    for node in &tree.nodes {
+        radius = radius.max(node.bounds.max_abs());
+    }
     stats.nodes = tree.nodes.len() as u64;
     stats.oriented_nodes = tree.nodes.iter().filter(|n| n.frame != 0).count() as u64;
     stats.blocks = blocks.len() as u64;

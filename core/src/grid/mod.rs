@@ -91,6 +91,25 @@ impl DicedMesh {
     pub fn cell_count(&self) -> usize {
         self.grids.iter().map(Grid::cell_count).sum()
     }
+    /// True when keys ascend from 0 to 1 and there is a position for every vertex and key.
+    pub fn is_usable(&self) -> bool {
+        let keys = &self.key_times;
+        self.positions.len() >= self.vertex_count * self.key_count()
+            && keys.windows(2).all(|w| w[0] < w[1])
+            && (keys.len() == 1 || keys.first() == Some(&0.0) && keys.last() == Some(&1.0))
+    }
+    /// True when the rates and vertices of grid `g` are within the mesh, and its vertices come after
+    /// those of the grid before.
+    pub fn is_sound(&self, g: usize) -> bool {
+        let end = |grid: &Grid| grid.first_vertex as usize + grid.vertex_count();
+        let grid = &self.grids[g];
+        let rate = 1..=MAX_GRID_RATE as u16;
+        let after = g == 0 || grid.first_vertex as usize >= end(&self.grids[g - 1]);
+        rate.contains(&grid.nu)
+            && rate.contains(&grid.nv)
+            && after
+            && end(grid) <= self.vertex_count
+    }
     /// Positions of grid `g` at key `k`.
     pub fn grid_positions(&self, g: usize, k: usize) -> &[Vec3] {
         let grid = &self.grids[g];
@@ -127,3 +146,6 @@ pub fn lerp_position(p0: Vec3, p1: Vec3, f: f32) -> Vec3 {
 }
 
 pub mod octahedral;
+pub mod planar;
+
+pub use planar::PlanarMesh;

@@ -1,6 +1,6 @@
 //! Samples of one tile: generate, trace, shade, film.
 //!
-//! Rays are traced in runs of one small pixel block, so that a run is coherent. Transparent surfaces
+//! Rays are traced in packets from one small pixel block, near each other in time. Transparent surfaces
 //! are composited front to back by asking for the next hit after the last, up to [`MAX_LAYERS`].
 
 use glam::{Vec2, Vec3};
@@ -11,6 +11,7 @@ use crate::film::filter::Filter;
 use crate::film::tile::{FirstHit, Keeps, PrimvarSample, Sample, Tile};
 use crate::sample::PixelSampler;
 use crate::shade::{ChannelAccess, camera_light_irradiance, camera_lit};
+use crate::trace::packet::LANES;
 use crate::trace::{Hit, Ray, TraceCounts};
 
 /// Transparent layers composited along one ray; what lies behind is left out.
@@ -86,6 +87,7 @@ impl<'a> Integrator<'a> {
         let range = tile.samples..target;
         let wants_primvars = self.keeps.primvars().is_some();
         let mut primvars = PrimvarSample::new(self.keeps);
+        let (mut jobs, mut found) = (Vec::new(), Vec::new());
         for by in (0..tile.height).step_by(BLOCK as usize) {
             for bx in (0..tile.width).step_by(BLOCK as usize) {
                 let pixels: Vec<_> = (by..(by + BLOCK).min(tile.height))
@@ -97,23 +99,61 @@ impl<'a> Integrator<'a> {
                         ((y * tile.width + x) as usize, pixel, pattern)
                     })
                     .collect();
+                jobs.clear();
                 for index in range.clone() {
                     for (slot, pixel, pattern) in &pixels {
-                        let job = self.generate(*pixel, pattern.sample(index));
-                        let mut own = TraceCounts::default();
-                        let hit = self.prepared.world.next::<CULL>(&job.ray, None, &mut own);
-                        let sample = self.shade::<MATTE, CULL>(&job, &hit, &mut own, &mut primvars);
-                        let is_point = tile.add(*slot, &sample);
-                        if wants_primvars {
-                            let hit = sample.first.is_some().then_some(&primvars);
-                            tile.add_primvars(*slot, hit, is_point);
-                        }
-                        *counts = *counts + own;
+                        jobs.push((*slot, self.generate(*pixel, pattern.sample(index))));
                     }
+                }
+                self.trace::<CULL>(&jobs, &mut found);
+                // In the order of samples: sums have the same bits whatever was traced together.
+                for ((slot, job), &(hit, mut own)) in jobs.iter().zip(&found) {
+                    let sample = self.shade::<MATTE, CULL>(job, &hit, &mut own, &mut primvars);
+                    let is_point = tile.add(*slot, &sample);
+                    if wants_primvars {
+                        let hit = sample.first.is_some().then_some(&primvars);
+                        tile.add_primvars(*slot, hit, is_point);
+                    }
+                    *counts = *counts + own;
                 }
             }
         }
         tile.samples = target;
+    }
+
+    /// Traces the jobs of a pixel block, those of nearly one instant together; `found` gets what each
+    /// met first.
+    fn trace<const CULL: bool>(&self, jobs: &[(usize, Job)], found: &mut Vec<(Hit, TraceCounts)>) {
+        let world = &self.prepared.world;
+        found.clear();
+        if CULL {
+            found.extend(jobs.iter().map(|(_, job)| {
+                let mut own = TraceCounts::default();
+                (world.next::<CULL>(&job.ray, None, &mut own), own)
+            }));
+            return;
+        }
+        found.resize(jobs.len(), (Hit::MISS, TraceCounts::default()));
+        let mut order: Vec<u32> = (0..jobs.len() as u32).collect();
+        if self.prepared.plan.has_time() {
+            let time = |i: u32| jobs[i as usize].1.ray.time;
+            order.sort_unstable_by(|&a, &b| time(a).total_cmp(&time(b)).then(a.cmp(&b)));
+        }
+        let Some((_, first)) = jobs.first() else {
+            return;
+        };
+        let (mut rays, mut hits) = ([first.ray; LANES], [Hit::MISS; LANES]);
+        let mut counts = [TraceCounts::default(); LANES];
+        for order in order.chunks(LANES) {
+            let n = order.len();
+            for (ray, &i) in rays.iter_mut().zip(order) {
+                *ray = jobs[i as usize].1.ray;
+            }
+            world.trace_packet(&rays[..n], &mut hits[..n], &mut counts[..n]);
+            for (lane, &i) in order.iter().enumerate() {
+                found[i as usize] = (hits[lane], counts[lane]);
+            }
+        }
     }
 
     /// The ray of a sample whose pixel, lens and time were drawn jointly.

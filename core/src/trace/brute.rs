@@ -68,9 +68,9 @@ fn each_cell(world: &World, ray: &Ray, mut f: impl FnMut(u32, u32, u32, f64, [DV
             (0, 0.0)
         };
         for (g, grid) in mesh.grids.iter().enumerate() {
-            let (a, b) = (mesh.grid_positions(g, k), mesh.grid_positions(g, next));
             let p = |i: usize| {
-                let (a, b) = (a[i].as_dvec3(), b[i].as_dvec3());
+                let (a, b) = (mesh.position(g, k, i), mesh.position(g, next, i));
+                let (a, b) = (a.as_dvec3(), b.as_dvec3());
                 m.transform_point3(a * (1.0 - s) + b * s)
             };
             let nu = usize::from(grid.nu);

@@ -19,29 +19,40 @@
 //! a shared edge hit both neighbours; `(t, instance, grid, cell)` decides.
 
 use glam::Vec3;
+use hdtrapeze_simd::{Float, Mask, Simd};
 
+use super::Hit;
 use super::object_ray::ObjectRay;
 use super::sides::Side;
 use crate::bvh::block::CellRect;
-use crate::grid::{DicedMesh, lerp_position, locate_key};
+use crate::grid::{PlanarMesh, locate_key};
 
-/// Lanes of a group: cell `(c, r)` of it has lane `4 r + c`.
+/// Cells of a full group: cell `(c, r)` of it has lane `4 r + c`, for the first of its triangles, and
+/// the second is this much later.
 const LANES: usize = 8;
-/// Lattice vertices in a row of a full group.
-const ROW: usize = 5;
-/// Lattice rows of a full group.
-const ROWS: usize = 3;
 
 /// A ray prepared for the micropolygons of one mesh.
 #[derive(Clone, Copy, Debug)]
 pub struct CellRay {
-    origin: Vec3,
+    pub(super) origin: Vec3,
     /// Axes in the order x, y, z of the sheared space; z is the one the ray is longest on.
-    axes: [usize; 3],
-    slope: [f32; 2],
-    dir_z: f64,
-    key: usize,
-    fraction: f32,
+    pub(super) axes: [usize; 3],
+    pub(super) slope: [f32; 2],
+    pub(super) dir_z: f64,
+    pub(super) key: usize,
+    pub(super) fraction: f32,
+}
+
+/// Where the vertices of a group are.
+struct Rows<'a> {
+    planes: &'a [f32],
+    /// The group's first x coordinate, at the ray's key and the next.
+    at_key: usize,
+    at_next: usize,
+    /// From one axis to the next.
+    plane: usize,
+    /// From one row to the next.
+    stride: usize,
 }
 
 /// A hit inside a cell.
@@ -55,18 +66,39 @@ pub struct CellHit {
     pub v: f32,
 }
 
+impl CellHit {
+    /// The hit, with what was hit.
+    #[inline(always)]
+    pub fn of(self, instance: u32, grid: u32, cell: u32) -> Hit {
+        Hit {
+            t: self.t,
+            u: self.u,
+            v: self.v,
+            instance,
+            grid,
+            cell,
+        }
+    }
+}
+
 impl CellRay {
-    /// Prepares `ray` for a mesh with these key times.
-    #[inline]
-    pub fn new(ray: &ObjectRay, key_times: &[f32]) -> Self {
-        let d = ray.dir.abs();
-        let axes = if d.x >= d.y && d.x >= d.z {
+    /// Axes of the sheared space of a ray.
+    #[inline(always)]
+    pub(super) fn axes_of(dir: Vec3) -> [usize; 3] {
+        let d = dir.abs();
+        if d.x >= d.y && d.x >= d.z {
             [1, 2, 0]
         } else if d.y >= d.z {
             [2, 0, 1]
         } else {
             [0, 1, 2]
-        };
+        }
+    }
+
+    /// Prepares `ray` for a mesh with these key times.
+    #[inline]
+    pub fn new(ray: &ObjectRay, key_times: &[f32]) -> Self {
+        let axes = Self::axes_of(ray.dir);
         let dir_z = ray.dir[axes[2]];
         let (key, fraction) = locate_key(key_times, ray.time);
         Self {
@@ -79,13 +111,33 @@ impl CellRay {
         }
     }
 
+    /// One coordinate of a group's vertices relative to the ray's origin, at its time:
+    /// [`crate::grid::lerp_position`], for all of them.
+    #[inline(always)]
+    fn relative<S: Simd, const MOVING: bool>(
+        &self,
+        simd: S,
+        rows: &Rows<'_>,
+        axis: usize,
+    ) -> S::F16 {
+        let by = axis * rows.plane;
+        let mut p = simd.lattice(rows.planes, rows.at_key + by, rows.stride);
+        if MOVING {
+            let next = simd.lattice(rows.planes, rows.at_next + by, rows.stride);
+            p = p + (next - p) * simd.all16(self.fraction);
+        }
+        p - simd.all16(self.origin[axis])
+    }
+
     /// Tests the cells `rect` of grid `g`, one group; calls `accept(cell, hit)` for every triangle
     /// hit, in no useful order. `MOVING` says that the mesh has more than one key; with `CULL`, triangles
     /// that show the ray their side `hidden` are not there.
     #[inline(always)]
-    pub fn test_group<const MOVING: bool, const CULL: bool>(
+    #[allow(clippy::too_many_arguments)] // one call, inlined
+    pub fn test_group<S: Simd, const MOVING: bool, const CULL: bool>(
         &self,
-        mesh: &DicedMesh,
+        simd: S,
+        mesh: &PlanarMesh,
         g: u32,
         rect: CellRect,
         hidden: Option<Side>,
@@ -93,133 +145,96 @@ impl CellRay {
     ) {
         let grid = &mesh.grids[g as usize];
         let stride = usize::from(grid.nu) + 1;
-        let (w, h) = (usize::from(rect.w), usize::from(rect.h));
         let first = usize::from(rect.j) * stride + usize::from(rect.i);
-        let at_key = mesh.grid_positions(g as usize, self.key);
-        let at_next = if MOVING {
-            mesh.grid_positions(g as usize, self.key + 1)
-        } else {
-            at_key
-        };
+        let n = grid.vertex_count();
+        let at_key = mesh.plane_start(grid, self.key) + first;
+        let at_next = if MOVING { at_key + 3 * n } else { at_key };
         let [kx, ky, kz] = self.axes;
-
-        let mut x = [0.0f32; ROW * ROWS];
-        let mut y = [0.0f32; ROW * ROWS];
-        let mut z = [0.0f32; ROW * ROWS];
-        for r in 0..=h.min(ROWS - 1) {
-            let row = first + r * stride;
-            let p0 = &at_key[row..row + w + 1];
-            let p1 = &at_next[row..row + w + 1];
-            for c in 0..=w.min(ROW - 1) {
-                let p = if MOVING {
-                    lerp_position(p0[c], p1[c], self.fraction)
-                } else {
-                    p0[c]
-                };
-                let p = (p - self.origin).to_array();
-                let at = r * ROW + c;
-                z[at] = p[kz];
-                x[at] = p[kx] - self.slope[0] * p[kz];
-                y[at] = p[ky] - self.slope[1] * p[kz];
-            }
-        }
-
-        // Corners of each lane's cell: a (i,j), b (i+1,j), c (i+1,j+1), d (i,j+1).
-        let corner = |v: &[f32; ROW * ROWS], offset: usize| -> [f32; LANES] {
-            [0, 1, 2, 3, 4, 5, 6, 7].map(|l: usize| v[(l >> 2) * ROW + (l & 3) + offset])
+        let rows = Rows {
+            planes: mesh.planes(),
+            at_key,
+            at_next,
+            plane: n,
+            stride,
         };
-        let (ax, bx, cx, dx) = (
-            corner(&x, 0),
-            corner(&x, 1),
-            corner(&x, ROW + 1),
-            corner(&x, ROW),
-        );
-        let (ay, by, cy, dy) = (
-            corner(&y, 0),
-            corner(&y, 1),
-            corner(&y, ROW + 1),
-            corner(&y, ROW),
-        );
-        let mut candidates = 0u32;
-        for l in 0..LANES {
-            let ab = ax[l] * by[l] - ay[l] * bx[l];
-            let bc = bx[l] * cy[l] - by[l] * cx[l];
-            let ca = cx[l] * ay[l] - cy[l] * ax[l];
-            let cd = cx[l] * dy[l] - cy[l] * dx[l];
-            let da = dx[l] * ay[l] - dy[l] * ax[l];
-            // Two triangles: a b c, and a c d whose first edge is `-ca`.
-            let first = mixed(ab, bc, ca);
-            let second = mixed(cd, da, -ca);
-            candidates |= u32::from(!first) << l;
-            candidates |= u32::from(!second) << (l + LANES);
-        }
-        candidates &= lane_mask(w, h);
+        let z = self.relative::<S, MOVING>(simd, &rows, kz);
+        let x = self.relative::<S, MOVING>(simd, &rows, kx) - z * simd.all16(self.slope[0]);
+        let y = self.relative::<S, MOVING>(simd, &rows, ky) - z * simd.all16(self.slope[1]);
 
+        let ([ax, bx, cx], [ay, by, cy]) = (simd.triangles(x), simd.triangles(y));
+        let ab = ax * by - ay * bx;
+        let bc = bx * cy - by * cx;
+        let ca = cx * ay - cy * ax;
+        let zero = simd.all16(0.0);
+        let mixed = ab.min(bc).min(ca).lt(zero) & zero.lt(ab.max(bc).max(ca));
+        let (w, h) = (usize::from(rect.w), usize::from(rect.h));
+        let mut candidates = !mixed.bits() & lane_mask(w, h);
+        if candidates == 0 {
+            return;
+        }
+
+        let (x, y, z) = (x.to_array(), y.to_array(), z.to_array());
+        let vertex = |c: usize, r: usize| {
+            let lane = simd.lane(c, r);
+            [f64::from(x[lane]), f64::from(y[lane]), f64::from(z[lane])]
+        };
         while candidates != 0 {
             let bit = candidates.trailing_zeros();
             candidates &= candidates - 1;
             let second = bit as usize >= LANES;
             let l = bit as usize % LANES;
             let (r, c) = (l >> 2, l & 3);
-            let at = r * ROW + c;
+            let other = if second { (c, r + 1) } else { (c + 1, r) };
+            let (a, diagonal, other) =
+                (vertex(c, r), vertex(c + 1, r + 1), vertex(other.0, other.1));
             let corners = if second {
-                [at, at + ROW + 1, at + ROW]
+                [a, diagonal, other]
             } else {
-                [at, at + 1, at + ROW + 1]
+                [a, other, diagonal]
             };
-            let p = corners.map(|i| [f64::from(x[i]), f64::from(y[i]), f64::from(z[i])]);
-            let Some((t, [w1, w2])) = self.exact(p) else {
-                continue;
-            };
-            if CULL && hidden.is_some_and(|side| side == self.side(p)) {
+            if CULL && hidden.is_some_and(|side| side == seen(corners, self.dir_z)) {
                 continue;
             }
-            // (u, v) from the weights of the second and third corner.
-            let (u, v) = if second { (w1, w1 + w2) } else { (w1 + w2, w2) };
-            let hit = CellHit {
-                t,
-                u: (u as f32).min(1.0),
-                v: (v as f32).min(1.0),
-            };
-            let cell = (usize::from(rect.j) + r) * usize::from(grid.nu) + usize::from(rect.i) + c;
-            accept(cell as u32, hit);
+            if let Some(hit) = exact(corners, second, self.dir_z) {
+                let cell =
+                    (usize::from(rect.j) + r) * usize::from(grid.nu) + usize::from(rect.i) + c;
+                accept(cell as u32, hit);
+            }
         }
-    }
-
-    /// The side that a triangle of sheared vertices shows the ray, exactly, where [`Self::exact`] finds
-    /// a hit. Axes were turned in a cycle, and shearing turns nothing over.
-    fn side(&self, [a, b, c]: [[f64; 3]; 3]) -> Side {
-        let edge = |p: [f64; 3], q: [f64; 3]| p[0] * q[1] - p[1] * q[0];
-        let det = edge(b, c) + edge(c, a) + edge(a, b);
-        match (det < 0.0) == (self.dir_z < 0.0) {
-            true => Side::Back,
-            false => Side::Front,
-        }
-    }
-
-    /// The exact test of one triangle of sheared vertices: `t`, and the weights of its second and
-    /// third corner.
-    fn exact(&self, [a, b, c]: [[f64; 3]; 3]) -> Option<(f32, [f64; 2])> {
-        let edge = |p: [f64; 3], q: [f64; 3]| p[0] * q[1] - p[1] * q[0];
-        let (wa, wb, wc) = (edge(b, c), edge(c, a), edge(a, b));
-        let det = wa + wb + wc;
-        let sound = (wa >= 0.0 && wb >= 0.0 && wc >= 0.0 && det > 0.0)
-            || (wa <= 0.0 && wb <= 0.0 && wc <= 0.0 && det < 0.0);
-        if !sound {
-            return None;
-        }
-        let (wb, wc) = (wb / det, wc / det);
-        let z = (wa / det) * a[2] + wb * b[2] + wc * c[2];
-        // Adding 0 makes -0 into 0: hits are ordered by plain comparison.
-        let t = (z / self.dir_z) as f32 + 0.0;
-        t.is_finite().then_some((t, [wb, wc]))
     }
 }
 
-/// True when two of the numbers have different signs; NaN counts as none.
+/// The exact test of one triangle of sheared vertices, the first of its cell or the second.
 #[inline(always)]
-fn mixed(a: f32, b: f32, c: f32) -> bool {
-    ((a < 0.0) | (b < 0.0) | (c < 0.0)) & ((a > 0.0) | (b > 0.0) | (c > 0.0))
+pub(super) fn exact([a, b, c]: [[f64; 3]; 3], second: bool, dir_z: f64) -> Option<CellHit> {
+    let edge = |p: [f64; 3], q: [f64; 3]| p[0] * q[1] - p[1] * q[0];
+    let (wa, wb, wc) = (edge(b, c), edge(c, a), edge(a, b));
+    let det = wa + wb + wc;
+    let sound = (wa >= 0.0 && wb >= 0.0 && wc >= 0.0 && det > 0.0)
+        || (wa <= 0.0 && wb <= 0.0 && wc <= 0.0 && det < 0.0);
+    if !sound {
+        return None;
+    }
+    // The weights of the second and third corner.
+    let inverse = 1.0 / det;
+    let (wb, wc) = (wb * inverse, wc * inverse);
+    let z = (wa * inverse) * a[2] + wb * b[2] + wc * c[2];
+    // Adding 0 makes -0 into 0: hits are ordered by plain comparison.
+    let t = (z / dir_z) as f32 + 0.0;
+    let (u, v) = if second { (wb, wb + wc) } else { (wb + wc, wc) };
+    let (u, v) = ((u as f32).min(1.0), (v as f32).min(1.0));
+    t.is_finite().then_some(CellHit { t, u, v })
+}
+
+/// The side that a triangle of sheared vertices shows the ray, exactly, where [`exact`] finds
+/// a hit. Axes were turned in a cycle, and shearing turns nothing over.
+fn seen([a, b, c]: [[f64; 3]; 3], dir_z: f64) -> Side {
+    let edge = |p: [f64; 3], q: [f64; 3]| p[0] * q[1] - p[1] * q[0];
+    let det = edge(b, c) + edge(c, a) + edge(a, b);
+    match (det < 0.0) == (dir_z < 0.0) {
+        true => Side::Back,
+        false => Side::Front,
+    }
 }
 
 /// Bits of the lanes of a `w` by `h` group, for both triangles.
@@ -234,36 +249,29 @@ fn lane_mask(w: usize, h: usize) -> u32 {
 mod tests {
     use super::*;
 
-    fn ray(origin: Vec3, dir: Vec3) -> CellRay {
-        let r = ObjectRay::new(origin, dir, 0.0, 1.0).expect("a sound ray");
-        CellRay::new(&r, &[0.0])
-    }
-
     #[test]
     fn thin_triangle_edge_is_exact() {
         // The ray passes a sliver at distance 1: all its corners lie in one direction from the
         // ray to within f32's rounding. In f32 alone the edge functions are (0, 0, +).
-        let cell = ray(Vec3::ZERO, Vec3::Z);
         let e = 1.0 / f64::from(1 << 26);
         let tri = [[1.0, 1.0, 1.0], [2.0, 2.0 + e, 1.0], [1.5, 1.5 + e, 1.0]];
-        assert_eq!(cell.exact(tri), None);
+        assert_eq!(exact(tri, false, 1.0), None);
         let around = [
             [-1.0, -1.0, 1.0],
             [2.0, 2.0 + e, 1.0],
             [1.5, 1.5 + 3.0 * e, 1.0],
         ];
-        assert!(cell.exact(around).is_none_or(|(t, _)| t == 1.0));
+        assert!(exact(around, false, 1.0).is_none_or(|h| h.t == 1.0));
         let point = [[0.0, 0.0, 1.0]; 3];
-        assert_eq!(cell.exact(point), None);
-        assert_eq!(cell.exact([[f64::NAN; 3]; 3]), None);
+        assert_eq!(exact(point, false, 1.0), None);
+        assert_eq!(exact([[f64::NAN; 3]; 3], false, 1.0), None);
     }
 
     #[test]
     fn tiny_triangles_survive_underflow() {
         // Products of coordinates near 1e-30 underflow to 0 in f32.
-        let cell = ray(Vec3::ZERO, Vec3::Z);
         let s = f64::from(1e-30f32);
-        let hit = cell.exact([[-s, -s, 2.0], [s, -s, 2.0], [0.0, s, 2.0]]);
-        assert_eq!(hit.map(|h| h.0), Some(2.0));
+        let hit = exact([[-s, -s, 2.0], [s, -s, 2.0], [0.0, s, 2.0]], false, 1.0);
+        assert_eq!(hit.map(|h| h.t), Some(2.0));
     }
 }

@@ -7,12 +7,16 @@
 
 pub mod brute;
 pub mod cell;
+pub mod cells16;
 pub mod instance;
 pub mod object_ray;
+pub mod packet;
 pub mod places;
+mod query;
 pub mod shading;
 pub mod sides;
 mod traverse;
+mod traverse16;
 pub mod world;
 
 pub use instance::InstanceTransform;

@@ -13,10 +13,13 @@
 //! - `t` is rounded once, over a distance of at most sqrt(3) S: 1.8;
 //! - the turned origin, three products: 5.2; the turned direction, the same at distance `t`, and its
 //!   clamping (below): 7;
-//! - the interpolated bound, of up to sqrt(3) radii: 8.7; adding the pad, subtracting the origin: 3.5;
-//! - the reciprocal and the product, relative 3 of sqrt(3) S: 5.2.
+//! - the slab test of [`crate::bvh::node`]: for a plane `(1 - T)(o0 + s0 q0) + T (o1 + s1 q1)` it sums
+//!   `s0 q0 i0`, `s1 q1 i1`, `o0 i0`, `o1 i1` and `-(o + pad) / d`, where `i0` is `(1 - T) / d` to 3 roundings
+//!   and `i1` is `T / d` to 2. The products are off by 5, 4, 4, 3 and 3 of themselves, the sums before the
+//!   last by 1 each; with `|s q| <= 2 R` and each end's `|o| <= R` that is at most `20 R + 7 |o|`, and in
+//!   a rotated frame, whose coordinates are up to sqrt(3) larger, 34.7.
 //!
-//! The sum is 59.2; [`SLAB_PAD`] is 64, which leaves room for terms of order `U^2`. So for an accepted
+//! The sum is 76.5; [`SLAB_PAD`] is 80, which leaves room for terms of order `U^2`. So for an accepted
 //! hit at `t`, every axis of every node above it answers `near <= t <= far` in f32, and hits found do
 //! not depend on the order of traversal.
 //!
@@ -32,11 +35,14 @@ use crate::bvh::node::SlabRay;
 use crate::bvh::{Frame, U};
 
 /// Pad of slab tests per unit of `|origin| + radius`; derived in the module's text.
-pub const SLAB_PAD: f32 = 64.0 * U;
+pub const SLAB_PAD: f32 = 80.0 * U;
 
-/// Smallest and largest magnitude of a direction's largest component. In between, reciprocals of
-/// clamped components (2^24 larger at most) are finite. Rays beyond are answered as misses.
+/// Smallest and largest magnitude of a direction's largest component. Rays beyond are answered as misses.
 pub const DIR_RANGE: RangeInclusive<f32> = 1.0 / (1u64 << 60) as f32..=(1u64 << 60) as f32;
+
+/// Smallest magnitude of a direction's largest component, in pads: no term of a slab test overflows. Clamped
+/// components are 2^24 smaller, coordinates at most 2^18 pads, and terms a few times that: 2^124.
+pub const LEAST_DIR: f32 = (1.0 / (1u64 << 40) as f32) * (1.0 / (1u64 << 40) as f32);
 
 /// Directions and origin of a ray in an object's space, and what every test derives from them.
 #[derive(Clone, Copy, Debug)]
@@ -71,6 +77,7 @@ impl ObjectRay {
         // Written so that NaN fails; NaN in one component may pass a maximum, so all are asked.
         let sound = reach < crate::bvh::COORDINATE_LIMIT
             && DIR_RANGE.contains(&longest)
+            && longest >= pad * LEAST_DIR
             && origin.is_finite()
             && dir.is_finite();
         if !sound {
@@ -82,7 +89,7 @@ impl ObjectRay {
             dir,
             time,
             pad,
-            slab: slab_ray(origin, dir, pad, smallest_dir),
+            slab: slab_ray(origin, dir, time, pad, smallest_dir),
             smallest_dir,
         })
     }
@@ -93,6 +100,7 @@ impl ObjectRay {
         slab_ray(
             frame.turn(self.origin),
             frame.turn(self.dir),
+            self.time,
             self.pad,
             self.smallest_dir,
         )
@@ -100,11 +108,11 @@ impl ObjectRay {
 }
 
 #[inline(always)]
-fn slab_ray(origin: Vec3, dir: Vec3, pad: f32, smallest_dir: f32) -> SlabRay {
+fn slab_ray(origin: Vec3, dir: Vec3, time: f32, pad: f32, smallest_dir: f32) -> SlabRay {
     let mut ray = SlabRay {
-        near_origin: [0.0; 3],
-        far_origin: [0.0; 3],
-        inv_dir: [0.0; 3],
+        to_start: [0.0; 3],
+        to_end: [0.0; 3],
+        base: [[0.0; 3]; 2],
         near_side: [0; 3],
     };
     for a in 0..3 {
@@ -113,10 +121,11 @@ fn slab_ray(origin: Vec3, dir: Vec3, pad: f32, smallest_dir: f32) -> SlabRay {
         } else {
             dir[a]
         };
-        let pad = pad.copysign(d);
-        ray.near_origin[a] = origin[a] + pad;
-        ray.far_origin[a] = origin[a] - pad;
-        ray.inv_dir[a] = 1.0 / d;
+        let inverse = 1.0 / d;
+        ray.to_start[a] = (1.0 - time) * inverse;
+        ray.to_end[a] = time * inverse;
+        ray.base[0][a] = (origin[a] + pad) * -inverse;
+        ray.base[1][a] = (origin[a] - pad) * -inverse;
         ray.near_side[a] = usize::from(d < 0.0);
     }
     ray

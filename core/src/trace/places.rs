@@ -18,7 +18,9 @@
 use std::sync::Arc;
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
+use hdtrapeze_simd::{Float, Simd};
 
+use super::packet::{LANES, Rays};
 use crate::bvh::ObjectGeometry;
 use crate::grid::locate_key;
 
@@ -210,6 +212,40 @@ impl InstanceSet {
                 )
             }
         }
+    }
+}
+
+impl InstanceSet {
+    /// [`InstanceSet::to_object`] for the rays `lanes` of a packet: the same bits.
+    #[inline(always)]
+    pub(super) fn to_object16<S: Simd>(
+        &self,
+        simd: S,
+        i: usize,
+        rays: &Rays,
+        lanes: u32,
+        world_origin: DVec3,
+    ) -> Rays {
+        let mut local = *rays;
+        if let Places::Translated(shifts) = &self.places {
+            let by = shifts[i].origin - world_origin;
+            for (axis, x) in local.origin.iter_mut().enumerate() {
+                *x = simd.less16(simd.from16(x), by[axis]).to_array();
+            }
+            return local;
+        }
+        let mut rest = lanes;
+        while rest != 0 {
+            let lane = rest.trailing_zeros() as usize & (LANES - 1);
+            rest &= rest - 1;
+            let (origin, dir) = (rays.origin_of(lane), rays.dir_of(lane));
+            let (origin, dir) = self.to_object(i, origin, dir, rays.time[lane], world_origin);
+            for axis in 0..3 {
+                local.origin[axis][lane] = origin[axis];
+                local.dir[axis][lane] = dir[axis];
+            }
+        }
+        local
     }
 }
 

@@ -9,7 +9,7 @@ use super::instance::normal_matrix;
 use super::world::{Numbered, World, clamp_time};
 use super::{Hit, Ray};
 use crate::bvh::ObjectGeometry;
-use crate::grid::{DicedMesh, lerp_position, locate_key, octahedral};
+use crate::grid::{PlanarMesh, lerp_position, locate_key, octahedral};
 
 /// Weights of a cell's corners `(i,j) (i+1,j) (i+1,j+1) (i,j+1)` at a hit; one of them is 0.
 pub fn corner_weights(u: f32, v: f32) -> [f32; 4] {
@@ -206,7 +206,7 @@ impl World {
 }
 
 /// Vertices of the hit cell inside its grid, in corner order.
-fn cell_corners(mesh: &DicedMesh, hit: &Hit) -> Option<[usize; 4]> {
+fn cell_corners(mesh: &PlanarMesh, hit: &Hit) -> Option<[usize; 4]> {
     let grid = mesh.grids.get(hit.grid as usize)?;
     let cell = hit.cell as usize;
     if cell >= grid.cell_count() {
@@ -218,14 +218,13 @@ fn cell_corners(mesh: &DicedMesh, hit: &Hit) -> Option<[usize; 4]> {
 }
 
 /// Object-space corners of the hit cell at a time in [0, 1].
-fn cell_positions(mesh: &DicedMesh, hit: &Hit, time: f32) -> Option<[Vec3; 4]> {
+fn cell_positions(mesh: &PlanarMesh, hit: &Hit, time: f32) -> Option<[Vec3; 4]> {
     let corners = cell_corners(mesh, hit)?;
     let grid = hit.grid as usize;
     let (k, f) = locate_key(&mesh.key_times, time);
-    let a = mesh.grid_positions(grid, k);
+    let at = |k: usize, i: usize| mesh.position(grid, k, i);
     if !mesh.is_moving() {
-        return Some(corners.map(|i| a[i]));
+        return Some(corners.map(|i| at(k, i)));
     }
-    let b = mesh.grid_positions(grid, k + 1);
-    Some(corners.map(|i| lerp_position(a[i], b[i], f)))
+    Some(corners.map(|i| lerp_position(at(k, i), at(k + 1, i), f)))
 }

@@ -5,15 +5,18 @@
 //! *behind* the best hit, not at it). So the answer does not depend on the order in which nodes
 //! are visited, on the shape of the tree or on how rays are batched.
 
-use super::cell::{CellHit, CellRay};
+use glam::Vec3;
+use hdtrapeze_simd::Simd;
+
+use super::cell::CellRay;
 use super::object_ray::ObjectRay;
 use super::sides::Side;
 use super::{Hit, TraceCounts};
 use crate::bvh::block::{CellRect, whole};
 use crate::bvh::node::enter;
-use crate::bvh::object::{BlockTree, SMALL_GRID};
+use crate::bvh::object::{BlockTree, ObjectGeometry, SMALL_GRID};
 use crate::bvh::{Bounds8, Tree};
-use crate::grid::DicedMesh;
+use crate::grid::PlanarMesh;
 
 /// Subtrees still to visit, farthest first: reference, and where the ray enters.
 pub(super) type Stack = Vec<(u32, f32)>;
@@ -48,7 +51,7 @@ impl Query {
     }
 
     #[inline(always)]
-    fn offer(&mut self, hit: Hit) {
+    pub fn offer(&mut self, hit: Hit) {
         // Written so that NaN is refused.
         let in_range = hit.t >= self.t_min && hit.t <= self.best.t;
         if !in_range || !hit.is_before(&self.best) {
@@ -74,22 +77,25 @@ impl Hit {
     }
 }
 
-/// Walks a tree; `leaf(item, query, stack, counts)` is called for items that the ray may hit, and may
+/// Walks a tree below `root`; `leaf(item, query, stack, counts)` is called for items that the ray may hit, and may
 /// use the stack above what it finds there.
 #[inline(always)]
-pub(super) fn walk<B: Bounds8>(
+#[allow(clippy::too_many_arguments)] // one call, inlined
+pub(super) fn walk<S: Simd, B: Bounds8>(
+    simd: S,
     tree: &Tree<B>,
+    root: u32,
     ray: &ObjectRay,
     query: &mut Query,
     stack: &mut Stack,
     counts: &mut TraceCounts,
     mut leaf: impl FnMut(u32, &mut Query, &mut Stack, &mut TraceCounts),
 ) {
-    if tree.root == Tree::<B>::EMPTY {
+    if root == Tree::<B>::EMPTY {
         return;
     }
     let floor = stack.len();
-    let mut at = tree.root;
+    let mut at = root;
     loop {
         if at & Tree::<B>::LEAF != 0 {
             leaf(at & !Tree::<B>::LEAF, query, stack, counts);
@@ -108,10 +114,10 @@ pub(super) fn walk<B: Bounds8>(
                 &turned
             };
             let (mut mask, near) = enter(
+                simd,
                 &node.bounds,
                 node.valid,
                 slab,
-                ray.time,
                 query.t_min,
                 query.best.t,
             );
@@ -158,80 +164,195 @@ pub(super) fn walk<B: Bounds8>(
     }
 }
 
-/// Traces one object. With `CULL`, the side `hidden` of its lattices is not there.
+/// An object being traced as one instance. With `CULL`, the side `hidden` of its lattices is not there.
+#[derive(Clone, Copy)]
+pub(super) struct Target<'a, S, B, const CULL: bool> {
+    pub simd: S,
+    pub blocks: &'a BlockTree<B>,
+    pub mesh: &'a PlanarMesh,
+    pub radius: f32,
+    pub instance: u32,
+    pub hidden: Option<Side>,
+}
+
+/// The time of slab tests in a tree of this kind: none, where nothing moves.
 #[inline(always)]
-#[allow(clippy::too_many_arguments)] // one call, inlined
-pub(super) fn trace_object<B: Bounds8, const CULL: bool>(
-    blocks: &BlockTree<B>,
-    mesh: &DicedMesh,
-    instance: u32,
-    hidden: Option<Side>,
-    ray: &ObjectRay,
-    query: &mut Query,
-    stack: &mut Stack,
-    counts: &mut TraceCounts,
-) {
-    let cells = CellRay::new(ray, &mesh.key_times);
-    let group = |grid: u32, rect: CellRect, query: &mut Query, counts: &mut TraceCounts| {
-        counts.cell_tests += u64::from(rect.w) * u64::from(rect.h);
-        let accept = |cell: u32, hit: CellHit| {
-            query.offer(Hit {
-                t: hit.t,
-                u: hit.u,
-                v: hit.v,
-                instance,
-                grid,
-                cell,
-            });
-        };
-        if B::MOVING {
-            cells.test_group::<true, CULL>(mesh, grid, rect, hidden, accept);
-        } else {
-            cells.test_group::<false, CULL>(mesh, grid, rect, hidden, accept);
+pub(super) fn slab_time<B: Bounds8>(time: f32) -> f32 {
+    if B::MOVING { time } else { 0.0 }
+}
+
+impl<'a, S: Simd, B: Bounds8, const CULL: bool> Target<'a, S, B, CULL> {
+    /// `object`, whose tree is `blocks`, as instance number `instance`.
+    #[inline(always)]
+    pub fn new(
+        simd: S,
+        blocks: &'a BlockTree<B>,
+        object: &'a ObjectGeometry,
+        instance: u32,
+        hidden: Option<Side>,
+    ) -> Self {
+        Self {
+            simd,
+            blocks,
+            mesh: object.mesh(),
+            radius: object.radius(),
+            instance,
+            hidden,
         }
-    };
-    let leaf = |item: u32, query: &mut Query, _: &mut Stack, counts: &mut TraceCounts| {
-        if item & SMALL_GRID != 0 {
-            let grid = item & !SMALL_GRID;
-            group(grid, whole(&mesh.grids[grid as usize]), query, counts);
-            return;
+    }
+
+    /// Traces a ray that is given in the object's space.
+    #[inline(always)]
+    pub fn enter(
+        &self,
+        origin: Vec3,
+        dir: Vec3,
+        time: f32,
+        query: &mut Query,
+        stack: &mut Stack,
+        counts: &mut TraceCounts,
+    ) {
+        if let Some(ray) = ObjectRay::new(origin, dir, slab_time::<B>(time), self.radius) {
+            let cells = CellRay::new(&ray, &self.mesh.key_times);
+            self.trace(self.blocks.tree.root, &ray, &cells, query, stack, counts);
         }
-        let block = &blocks.blocks[item as usize];
-        counts.node_tests += 1;
-        let turned;
-        let slab = if block.frame == 0 {
-            &ray.slab
-        } else {
-            turned = ray.turned(&blocks.tree.frames[block.frame as usize]);
-            &turned
-        };
-        let valid = (1u32 << block.span.count) - 1;
-        let (mut mask, near) = enter(
-            &block.bounds,
-            valid,
-            slab,
-            ray.time,
-            query.t_min,
-            query.best.t,
+    }
+
+    /// Traces one ray, in the object's space, below `root`.
+    #[inline(always)]
+    pub fn trace(
+        &self,
+        root: u32,
+        ray: &ObjectRay,
+        cells: &CellRay,
+        query: &mut Query,
+        stack: &mut Stack,
+        counts: &mut TraceCounts,
+    ) {
+        walk(
+            self.simd,
+            &self.blocks.tree,
+            root,
+            ray,
+            query,
+            stack,
+            counts,
+            #[inline(always)]
+            |item, query, _, counts| self.item(item, ray, cells, query, counts),
         );
+    }
+
+    /// Tests one item of the tree: a small grid or a block.
+    #[inline(always)]
+    fn item(
+        &self,
+        item: u32,
+        ray: &ObjectRay,
+        cells: &CellRay,
+        query: &mut Query,
+        counts: &mut TraceCounts,
+    ) {
+        let mut reference = item;
+        let mut mask = 1;
+        let mut near = [f32::NEG_INFINITY; 8];
+        let mut span = None;
+        if item & SMALL_GRID == 0 {
+            let block = &self.blocks.blocks[item as usize];
+            counts.node_tests += 1;
+            let turned;
+            let slab = if block.frame == 0 {
+                &ray.slab
+            } else {
+                turned = ray.turned(&self.blocks.tree.frames[block.frame as usize]);
+                &turned
+            };
+            let valid = (1u32 << block.span.count) - 1;
+            let (t_min, t_max) = (query.t_min, query.best.t);
+            (mask, near) = enter(self.simd, &block.bounds, valid, slab, t_min, t_max);
+            reference = block.span.grid;
+            span = Some(&block.span);
+        }
+        let grid = reference & !SMALL_GRID;
         while mask != 0 {
             let slot = nearest(mask, &near);
             mask &= !(1 << slot);
             if near[slot as usize] > query.best.t {
                 return;
             }
-            group(block.span.grid, block.span.group_rect(slot), query, counts);
+            let rect = match span {
+                Some(span) => span.group_rect(slot),
+                None => whole(&self.mesh.grids[grid as usize]),
+            };
+            self.group(grid, rect, cells, query, counts);
             if query.done() {
                 return;
             }
         }
-    };
-    walk(&blocks.tree, ray, query, stack, counts, leaf);
+    }
+
+    /// Tests one group of micropolygons.
+    #[inline(always)]
+    pub fn group(
+        &self,
+        grid: u32,
+        rect: CellRect,
+        cells: &CellRay,
+        query: &mut Query,
+        counts: &mut TraceCounts,
+    ) {
+        counts.cell_tests += u64::from(rect.w) * u64::from(rect.h);
+        self.group_with(
+            grid,
+            rect,
+            cells,
+            #[inline(always)]
+            |hit| query.offer(hit),
+        );
+    }
+
+    /// Tests one group of micropolygons; calls `offer` for each hit.
+    #[inline(always)]
+    pub fn group_with(
+        &self,
+        grid: u32,
+        rect: CellRect,
+        cells: &CellRay,
+        mut offer: impl FnMut(Hit),
+    ) {
+        let Self {
+            simd,
+            mesh,
+            instance,
+            hidden,
+            ..
+        } = *self;
+        if B::MOVING {
+            cells.test_group::<S, true, CULL>(
+                simd,
+                mesh,
+                grid,
+                rect,
+                hidden,
+                #[inline(always)]
+                |cell, hit| offer(hit.of(instance, grid, cell)),
+            );
+        } else {
+            cells.test_group::<S, false, CULL>(
+                simd,
+                mesh,
+                grid,
+                rect,
+                hidden,
+                #[inline(always)]
+                |cell, hit| offer(hit.of(instance, grid, cell)),
+            );
+        }
+    }
 }
 
 /// The set bit whose `near` is least.
 #[inline(always)]
-fn nearest(mask: u32, near: &[f32; 8]) -> u32 {
+pub(super) fn nearest(mask: u32, near: &[f32; 8]) -> u32 {
     let mut best = mask.trailing_zeros();
     let mut rest = mask & (mask - 1);
     while rest != 0 {

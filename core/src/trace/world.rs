@@ -1,20 +1,16 @@
 //! The world: instances of objects under one tree, and the queries that a renderer asks of it.
 
-use std::cell::Cell;
 use std::sync::Arc;
 
 use glam::{DAffine3, DVec3};
+use hdtrapeze_simd::Level;
 use rayon::prelude::*;
 
-use super::instance::{Bounded, INSTANCE_PAD, InstanceTransform, NEAR_CONDITION};
-use super::object_ray::{ObjectRay, SLAB_PAD};
+use super::instance::{Bounded, InstanceTransform};
 use super::places::{InstanceSet, Record, Shift};
 use super::sides::Culled;
-use super::traverse::{Query, Stack, trace_object, walk};
-use super::{Hit, Ray, TraceCounts};
 use crate::bvh::build::{Item, Nodes, build_items};
-use crate::bvh::object::Blas;
-use crate::bvh::{Bounds8, BvhStats, LinearBox, LinearSlabs, ObjectGeometry, StaticSlabs, Tree};
+use crate::bvh::{BvhStats, LinearBox, LinearSlabs, ObjectGeometry, StaticSlabs, Tree};
 
 /// One appearance of an object.
 #[derive(Clone, Debug)]
@@ -44,11 +40,11 @@ pub(super) struct Numbered {
     pub set: Arc<InstanceSet>,
     pub first: u32,
     pub user: u32,
-    culled: Option<Culled>,
+    pub(super) culled: Option<Culled>,
 }
 
 #[derive(Clone, Debug)]
-enum TopTree {
+pub(super) enum TopTree {
     Static(Tree<StaticSlabs>),
     Moving(Tree<LinearSlabs>),
 }
@@ -59,14 +55,16 @@ pub struct World {
     pub(super) sets: Vec<Numbered>,
     /// The set of each instance.
     set_of: Vec<u32>,
-    top: TopTree,
+    pub(super) top: TopTree,
     pub(super) origin: DVec3,
     /// Bounds every instance's bounds, translation, and `|M| radius`.
-    radius: f32,
+    pub(super) radius: f32,
     /// Largest condition of a transform.
-    condition: f32,
+    pub(super) condition: f32,
     /// Instances that cannot be hit.
     left_out: u64,
+    /// Instructions that rays are traced with.
+    pub(super) level: Level,
 }
 
 /// Why a world cannot be built.
@@ -91,11 +89,6 @@ pub struct WorldStats {
     pub top_bytes: u64,
     /// Micropolygons with each instance counted.
     pub instanced_cells: u64,
-}
-
-thread_local! {
-    /// The stack of this thread, kept between rays; taken while in use.
-    static STACK: Cell<Stack> = const { Cell::new(Vec::new()) };
 }
 
 impl World {
@@ -202,6 +195,7 @@ impl World {
             radius,
             condition,
             left_out,
+            level: Level::best(),
         })
     }
 
@@ -218,6 +212,12 @@ impl World {
         self.radius
     }
 
+    /// The same world, traced with other instructions than the best that there are.
+    #[must_use]
+    pub fn with_level(self, level: Level) -> World {
+        World { level, ..self }
+    }
+
     /// What rays are relative to, in absolute world space.
     pub fn origin(&self) -> DVec3 {
         self.origin
@@ -226,135 +226,6 @@ impl World {
     /// Number of instances.
     pub fn instance_count(&self) -> usize {
         self.set_of.len()
-    }
-
-    /// The nearest hit between `t_min` and `t_max`, both inclusive. A ray that is not finite, has no
-    /// direction, or is absurdly long or far misses; time is clamped to [0, 1], NaN counting as 0.
-    pub fn trace(&self, ray: &Ray, counts: &mut TraceCounts) -> Hit {
-        self.next::<false>(ray, None, counts)
-    }
-
-    /// The next hit after `after` on the same ray, in the order of hits: also where surfaces
-    /// coincide. `t_min` and `t_max` count as for [`World::trace`]. A ray that meets an edge which two
-    /// cells share hits both.
-    pub fn trace_after(&self, ray: &Ray, after: &Hit, counts: &mut TraceCounts) -> Hit {
-        self.next::<false>(ray, Some(after), counts)
-    }
-
-    /// [`World::trace`], or with `after` [`World::trace_after`]. With `CULL`, rays pass through the sides
-    /// that sets have culled, as if these were not there.
-    pub fn next<const CULL: bool>(
-        &self,
-        ray: &Ray,
-        after: Option<&Hit>,
-        counts: &mut TraceCounts,
-    ) -> Hit {
-        if after.is_some_and(|after| !after.is_hit()) {
-            return Hit::MISS;
-        }
-        with_stack(|stack| self.query::<CULL>(ray, after.copied(), false, stack, counts))
-    }
-
-    /// True when anything is hit between `t_min` and `t_max`.
-    pub fn occluded(&self, ray: &Ray, counts: &mut TraceCounts) -> bool {
-        with_stack(|stack| self.query::<false>(ray, None, true, stack, counts)).is_hit()
-    }
-
-    /// [`World::trace`] for many rays, best near each other in space and time; each answer is the
-    /// same as alone. Traces the first `min(rays.len(), hits.len())`.
-    pub fn trace_many(&self, rays: &[Ray], hits: &mut [Hit], counts: &mut TraceCounts) {
-        with_stack(|stack| {
-            for (ray, hit) in rays.iter().zip(hits) {
-                *hit = self.query::<false>(ray, None, false, stack, counts);
-            }
-        });
-    }
-
-    fn query<const CULL: bool>(
-        &self,
-        ray: &Ray,
-        after: Option<Hit>,
-        any: bool,
-        stack: &mut Stack,
-        counts: &mut TraceCounts,
-    ) -> Hit {
-        counts.rays += 1;
-        let mut query = Query {
-            t_min: after.map_or(ray.t_min, |a| ray.t_min.max(a.t)),
-            best: Hit {
-                t: ray.t_max,
-                ..Hit::MISS
-            },
-            after,
-            any,
-        };
-        if query.t_min > ray.t_max || query.t_min.is_nan() || ray.t_max.is_nan() {
-            return Hit::MISS;
-        }
-        match &self.top {
-            TopTree::Static(tree) => {
-                self.query_top::<_, CULL>(tree, ray, &mut query, stack, counts)
-            }
-            TopTree::Moving(tree) => {
-                self.query_top::<_, CULL>(tree, ray, &mut query, stack, counts)
-            }
-        }
-        query.answer()
-    }
-
-    #[inline(always)]
-    fn query_top<B: Bounds8, const CULL: bool>(
-        &self,
-        tree: &Tree<B>,
-        ray: &Ray,
-        query: &mut Query,
-        stack: &mut Stack,
-        counts: &mut TraceCounts,
-    ) {
-        let time = clamp_time(ray.time);
-        let reach = ray.origin.abs().max_element();
-        let worst = if reach > self.radius {
-            self.condition
-        } else {
-            NEAR_CONDITION
-        };
-        let pad = SLAB_PAD * (reach + self.radius) + INSTANCE_PAD * worst * reach;
-        let Some(world_ray) = ObjectRay::padded(ray.origin, ray.dir, time, pad) else {
-            return;
-        };
-        stack.clear();
-        walk(
-            tree,
-            &world_ray,
-            query,
-            stack,
-            counts,
-            |item, query, stack, counts| {
-                let (Numbered { set, culled, .. }, i) = self.find(item);
-                let (origin, dir) = set.to_object(i, ray.origin, ray.dir, time, self.origin);
-                let object = &**set.object();
-                let Some(ray) = ObjectRay::new(origin, dir, time, object.radius()) else {
-                    return;
-                };
-                let mesh = object.mesh();
-                let hidden = match culled {
-                    Some(culled) if CULL => Some(culled.of_lattices(time)),
-                    _ => None,
-                };
-                match object.blas() {
-                    Blas::Static(blocks) => {
-                        trace_object::<_, CULL>(
-                            blocks, mesh, item, hidden, &ray, query, stack, counts,
-                        );
-                    }
-                    Blas::Moving(blocks) => {
-                        trace_object::<_, CULL>(
-                            blocks, mesh, item, hidden, &ray, query, stack, counts,
-                        );
-                    }
-                }
-            },
-        );
     }
 
     /// Numbers about the world.
@@ -395,14 +266,4 @@ pub(super) fn clamp_time(time: f32) -> f32 {
     } else {
         time.clamp(0.0, 1.0)
     }
-}
-
-/// Runs `f` with this thread's stack. Should `f` come here again, it gets a fresh one.
-fn with_stack<R>(f: impl FnOnce(&mut Stack) -> R) -> R {
-    STACK.with(|cell| {
-        let mut stack = cell.take();
-        let result = f(&mut stack);
-        cell.set(stack);
-        result
-    })
 }

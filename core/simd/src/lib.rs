@@ -1,0 +1,168 @@
+//! Vectors of 8 and 16 floats, for AVX-512, AVX2 and plain Rust, chosen at run time.
+//!
+//! A computation is written once, generic over [`Simd`], as a [`Kernel`]; [`Level::run`] compiles it
+//! for each instruction set and enters the one that was asked for. A [`Simd`] value is proof that its
+//! instructions exist, and vectors are made from one: that is why their operations are safe.
+//!
+//! **Same bits.** Every operation but [`Float::mul_add`] rounds as IEEE 754 says, on every level, and
+//! `mul_add` may or may not round its product. So what is computed without it has the same bits on
+//! every machine; with it, only results that allow for one rounding more may be computed.
+//!
+//! Kernels are compiled for a level only as far as they are inlined: functions on the way from
+//! [`Kernel::run`] to vector operations carry `#[inline(always)]`.
+
+mod scalar;
+#[cfg(target_arch = "x86_64")]
+mod x86;
+
+use std::fmt::Debug;
+use std::ops::{Add, BitAnd, BitOr, Mul, Neg, Sub};
+
+pub use scalar::Scalar;
+
+/// Lanes of a vector, as truth values.
+pub trait Mask: Copy + Debug + BitAnd<Output = Self> + BitOr<Output = Self> {
+    /// Bit `i` is lane `i`; bits beyond the lanes are 0.
+    fn bits(self) -> u32;
+}
+
+/// A vector of `N` f32.
+pub trait Float<const N: usize>:
+    Copy + Debug + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Neg<Output = Self>
+{
+    /// Truth values of its lanes.
+    type Mask: Mask;
+    /// Its lanes.
+    fn to_array(self) -> [f32; N];
+    /// The smaller of each pair; `other` where either is NaN.
+    fn min(self, other: Self) -> Self;
+    /// The larger of each pair; `other` where either is NaN.
+    fn max(self, other: Self) -> Self;
+    /// `self * by + plus`; whether the product is rounded depends on the level.
+    fn mul_add(self, by: Self, plus: Self) -> Self;
+    /// Quotients.
+    fn over(self, by: Self) -> Self;
+    /// Magnitudes.
+    fn abs(self) -> Self;
+    /// `self < other`; false for NaN.
+    fn lt(self, other: Self) -> Self::Mask;
+    /// `self <= other`; false for NaN.
+    fn le(self, other: Self) -> Self::Mask;
+    /// `self` where `mask` is true, else `other`.
+    fn or(self, mask: Self::Mask, other: Self) -> Self;
+    /// The smallest lane. None may be NaN.
+    fn least(self) -> f32;
+    /// The largest lane. None may be NaN.
+    fn most(self) -> f32;
+}
+
+/// An instruction set, known to be there.
+pub trait Simd: Copy + Debug {
+    /// 8 floats.
+    type F8: Float<8>;
+    /// 16 floats.
+    type F16: Float<16, Mask = Self::M16>;
+    /// Truth values of 16 floats.
+    type M16: Mask;
+
+    /// 8 copies.
+    fn all8(self, x: f32) -> Self::F8;
+    /// 8 lanes.
+    fn from8(self, x: &[f32; 8]) -> Self::F8;
+    /// 8 whole numbers from 0 to 255.
+    fn bytes8(self, x: &[u8; 8]) -> Self::F8;
+    /// 16 copies.
+    fn all16(self, x: f32) -> Self::F16;
+    /// 16 lanes.
+    fn from16(self, x: &[f32; 16]) -> Self::F16;
+    /// `x - by` in f64, rounded once.
+    fn less16(self, x: Self::F16, by: f64) -> Self::F16;
+    /// The lanes whose bits are set.
+    fn mask16(self, bits: u32) -> Self::M16;
+
+    /// 15 vertices of a lattice, rows of 5 that start at `first`, `first + stride` and
+    /// `first + 2 stride`, in lanes that [`Simd::lane`] knows.
+    ///
+    /// # Panics
+    /// `plane` ends before the last of them, or `stride` is absurd.
+    fn lattice(self, plane: &[f32], first: usize, stride: usize) -> Self::F16;
+    /// Lane of vertex `column` of `row` of a [`Simd::lattice`].
+    fn lane(self, column: usize, row: usize) -> usize;
+    /// Corners of 16 triangles of a [`Simd::lattice`], 4 x 2 cells with two each. Lane `l < 8`
+    /// is cell `(l % 4, l / 4)`, with corners `(i,j) (i+1,j) (i+1,j+1)`; lane `l + 8` is the same cell with
+    /// `(i,j) (i+1,j+1) (i,j+1)`.
+    fn triangles(self, lattice: Self::F16) -> [Self::F16; 3];
+}
+
+/// A computation, generic over the instruction set.
+pub trait Kernel {
+    /// What it computes.
+    type Output;
+    /// Computes it. Give it `#[inline(always)]`.
+    fn run<S: Simd>(self, simd: S) -> Self::Output;
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
+enum Set {
+    Scalar,
+    #[cfg(target_arch = "x86_64")]
+    Avx2,
+    #[cfg(target_arch = "x86_64")]
+    Avx512,
+}
+
+/// An instruction set that this machine has.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
+pub struct Level(Set);
+
+impl Level {
+    /// Plain Rust: everywhere.
+    pub const SCALAR: Level = Level(Set::Scalar);
+
+    /// All that this machine has, the slowest first.
+    pub fn available() -> Vec<Level> {
+        #[allow(unused_mut)]
+        let mut levels = vec![Level::SCALAR];
+        #[cfg(target_arch = "x86_64")]
+        {
+            if x86::has_avx2() {
+                levels.push(Level(Set::Avx2));
+            }
+            if x86::has_avx512() {
+                levels.push(Level(Set::Avx512));
+            }
+        }
+        levels
+    }
+
+    /// The fastest.
+    pub fn best() -> Level {
+        Self::available().pop().unwrap_or(Level::SCALAR)
+    }
+
+    /// `scalar`, `avx2` or `avx512`.
+    pub fn name(self) -> &'static str {
+        match self.0 {
+            Set::Scalar => "scalar",
+            #[cfg(target_arch = "x86_64")]
+            Set::Avx2 => "avx2",
+            #[cfg(target_arch = "x86_64")]
+            Set::Avx512 => "avx512",
+        }
+    }
+
+    /// Runs a kernel with these instructions.
+    #[inline]
+    pub fn run<K: Kernel>(self, kernel: K) -> K::Output {
+        match self.0 {
+            Set::Scalar => kernel.run(Scalar),
+            #[cfg(target_arch = "x86_64")]
+            Set::Avx2 => x86::run_avx2(kernel),
+            #[cfg(target_arch = "x86_64")]
+            Set::Avx512 => x86::run_avx512(kernel),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

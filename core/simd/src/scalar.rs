@@ -1,0 +1,205 @@
+//! The twin in plain Rust: what the other levels are tested against. Nothing depends on inlining here.
+
+use std::ops::{Add, BitAnd, BitOr, Mul, Neg, Sub};
+
+use super::{Float, Mask, Simd};
+
+/// No instructions beyond those of the target.
+#[derive(Clone, Copy, Debug)]
+pub struct Scalar;
+
+/// `N` floats.
+#[derive(Clone, Copy, Debug)]
+pub struct Array<const N: usize>([f32; N]);
+
+/// Truth values, one a bit.
+#[derive(Clone, Copy, Debug)]
+pub struct Bits(u32);
+
+impl Mask for Bits {
+    #[inline]
+    fn bits(self) -> u32 {
+        self.0
+    }
+}
+
+impl BitAnd for Bits {
+    type Output = Self;
+    #[inline]
+    fn bitand(self, o: Self) -> Self {
+        Bits(self.0 & o.0)
+    }
+}
+
+impl BitOr for Bits {
+    type Output = Self;
+    #[inline]
+    fn bitor(self, o: Self) -> Self {
+        Bits(self.0 | o.0)
+    }
+}
+
+impl<const N: usize> Array<N> {
+    #[inline]
+    fn each(self, o: Self, f: impl Fn(f32, f32) -> f32) -> Self {
+        Array(std::array::from_fn(|i| f(self.0[i], o.0[i])))
+    }
+    #[inline]
+    fn compare(self, o: Self, f: impl Fn(f32, f32) -> bool) -> Bits {
+        let mut bits = 0;
+        for i in 0..N {
+            bits |= u32::from(f(self.0[i], o.0[i])) << i;
+        }
+        Bits(bits)
+    }
+}
+
+macro_rules! operator {
+    ($name:ident, $function:ident, $op:tt) => {
+        impl<const N: usize> $name for Array<N> {
+            type Output = Self;
+            #[inline]
+            fn $function(self, o: Self) -> Self {
+                self.each(o, |a, b| a $op b)
+            }
+        }
+    };
+}
+
+operator!(Add, add, +);
+operator!(Sub, sub, -);
+operator!(Mul, mul, *);
+
+impl<const N: usize> Neg for Array<N> {
+    type Output = Self;
+    #[inline]
+    fn neg(self) -> Self {
+        Array(self.0.map(|x| -x))
+    }
+}
+
+impl<const N: usize> Float<N> for Array<N> {
+    type Mask = Bits;
+    #[inline]
+    fn to_array(self) -> [f32; N] {
+        self.0
+    }
+    #[inline]
+    fn min(self, o: Self) -> Self {
+        self.each(o, |a, b| if a < b { a } else { b })
+    }
+    #[inline]
+    fn max(self, o: Self) -> Self {
+        self.each(o, |a, b| if a > b { a } else { b })
+    }
+    #[inline]
+    fn mul_add(self, by: Self, plus: Self) -> Self {
+        self * by + plus
+    }
+    #[inline]
+    fn over(self, by: Self) -> Self {
+        self.each(by, |a, b| a / b)
+    }
+    #[inline]
+    fn abs(self) -> Self {
+        Array(self.0.map(f32::abs))
+    }
+    #[inline]
+    fn lt(self, o: Self) -> Bits {
+        self.compare(o, |a, b| a < b)
+    }
+    #[inline]
+    fn le(self, o: Self) -> Bits {
+        self.compare(o, |a, b| a <= b)
+    }
+    #[inline]
+    fn or(self, mask: Bits, o: Self) -> Self {
+        let chosen = |i: usize| {
+            if mask.0 >> i & 1 == 1 {
+                self.0[i]
+            } else {
+                o.0[i]
+            }
+        };
+        Array(std::array::from_fn(chosen))
+    }
+    #[inline]
+    fn least(self) -> f32 {
+        self.0.into_iter().fold(f32::INFINITY, f32::min)
+    }
+    #[inline]
+    fn most(self) -> f32 {
+        self.0.into_iter().fold(f32::NEG_INFINITY, f32::max)
+    }
+}
+
+impl Simd for Scalar {
+    type F8 = Array<8>;
+    type F16 = Array<16>;
+    type M16 = Bits;
+
+    #[inline]
+    fn all8(self, x: f32) -> Array<8> {
+        Array([x; 8])
+    }
+    #[inline]
+    fn from8(self, x: &[f32; 8]) -> Array<8> {
+        Array(*x)
+    }
+    #[inline]
+    fn bytes8(self, x: &[u8; 8]) -> Array<8> {
+        Array(x.map(f32::from))
+    }
+    #[inline]
+    fn all16(self, x: f32) -> Array<16> {
+        Array([x; 16])
+    }
+    #[inline]
+    fn from16(self, x: &[f32; 16]) -> Array<16> {
+        Array(*x)
+    }
+    #[inline]
+    fn less16(self, x: Array<16>, by: f64) -> Array<16> {
+        Array(x.0.map(|x| (f64::from(x) - by) as f32))
+    }
+    #[inline]
+    fn mask16(self, bits: u32) -> Bits {
+        Bits(bits & 0xffff)
+    }
+    #[inline]
+    fn lattice(self, plane: &[f32], first: usize, stride: usize) -> Array<16> {
+        let mut out = [0.0; 16];
+        for row in 0..3 {
+            let at = first + row * stride;
+            let row5 = &plane[at..at + 5];
+            out[4 * row..4 * row + 4].copy_from_slice(&row5[..4]);
+            out[12 + row] = row5[4];
+        }
+        Array(out)
+    }
+    #[inline]
+    fn lane(self, column: usize, row: usize) -> usize {
+        lane(column, row)
+    }
+    #[inline]
+    fn triangles(self, lattice: Array<16>) -> [Array<16>; 3] {
+        TRIANGLES.map(|corner| Array(corner.map(|i| lattice.0[i as usize])))
+    }
+}
+
+/// The first four of each row, then their fifths: halves of vectors are rows then.
+#[inline]
+pub(crate) fn lane(column: usize, row: usize) -> usize {
+    if column < 4 {
+        4 * row + column
+    } else {
+        12 + row
+    }
+}
+
+/// Lanes of a lattice at the corners of triangles; see [`Simd::triangles`].
+pub(crate) const TRIANGLES: [[i32; 16]; 3] = [
+    [0, 1, 2, 3, 4, 5, 6, 7, 0, 1, 2, 3, 4, 5, 6, 7],
+    [1, 2, 3, 12, 5, 6, 7, 13, 5, 6, 7, 13, 9, 10, 11, 14],
+    [5, 6, 7, 13, 9, 10, 11, 14, 4, 5, 6, 7, 8, 9, 10, 11],
+];

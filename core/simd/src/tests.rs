@@ -1,0 +1,136 @@
+//! Every level against plain Rust, operation by operation, bit by bit.
+
+use super::*;
+
+/// Numbers with all signs and sizes, from `seed`.
+fn numbers<const N: usize>(seed: u32) -> [f32; N] {
+    std::array::from_fn(|i| {
+        let h = (seed.wrapping_mul(0x9e37_79b9) ^ (i as u32).wrapping_mul(0x85eb_ca6b))
+            .wrapping_mul(0xc2b2_ae35);
+        match h >> 29 {
+            0 => 0.0,
+            1 => -0.0,
+            2 => (h & 7) as f32 - 3.0,
+            _ => f32::from_bits(h & 0xbfff_ffff | 0x2000_0000),
+        }
+    })
+}
+
+/// Bits of everything that a level computes of some numbers.
+struct Everything {
+    seed: u32,
+}
+
+impl Everything {
+    #[inline(always)]
+    fn floats<const N: usize, F: Float<N>>(&self, a: F, b: F, out: &mut Vec<u32>) {
+        let mut put = |f: F| out.extend(f.to_array().map(f32::to_bits));
+        put(a + b);
+        put(a - b);
+        put(a * b);
+        put(-a);
+        put(a.min(b));
+        put(a.max(b));
+        put(a.over(b));
+        put(a.abs());
+        put(a.or(a.lt(b), b));
+        let masks = [a.lt(b), a.le(b), a.lt(b) & b.le(a), a.lt(b) | b.lt(a)];
+        out.extend(masks.map(Mask::bits));
+        out.extend([a.least(), a.most()].map(|x| (x + 0.0).to_bits()));
+    }
+}
+
+impl Kernel for Everything {
+    type Output = Vec<u32>;
+    #[inline(always)]
+    fn run<S: Simd>(self, s: S) -> Vec<u32> {
+        let mut out = Vec::new();
+        let (a, b) = (numbers::<16>(self.seed), numbers::<16>(self.seed + 1));
+        self.floats(s.from16(&a), s.from16(&b), &mut out);
+        let (a8, b8) = (numbers::<8>(self.seed), numbers::<8>(self.seed + 2));
+        self.floats(s.from8(&a8), s.from8(&b8), &mut out);
+        let bytes = std::array::from_fn(|i| (self.seed * 37 + i as u32 * 53) as u8);
+        out.extend(s.bytes8(&bytes).to_array().map(f32::to_bits));
+        out.extend(s.all8(a[3]).to_array().map(f32::to_bits));
+        out.extend(s.all16(a[3]).to_array().map(f32::to_bits));
+        for by in [0.0, 1.0 / 3.0, -1e9, 1e-40] {
+            out.extend(s.less16(s.from16(&a), by).to_array().map(f32::to_bits));
+        }
+        let mask = s.mask16(self.seed.wrapping_mul(0x1234_5671));
+        out.push(mask.bits());
+        out.extend(
+            s.from16(&a)
+                .or(mask, s.from16(&b))
+                .to_array()
+                .map(f32::to_bits),
+        );
+        let plane: Vec<f32> = (0..60).map(|i| i as f32).collect();
+        for (first, stride) in [(3, 5), (3, 9), (3, 17), (0, 1), (0, 2), (5, 4)] {
+            let lattice = s.lattice(&plane, first, stride);
+            for row in 0..3 {
+                out.extend((0..5).map(|c| lattice.to_array()[s.lane(c, row)].to_bits()));
+            }
+            for corner in s.triangles(lattice) {
+                out.extend(corner.to_array().map(f32::to_bits));
+            }
+        }
+        out
+    }
+}
+
+#[test]
+fn levels_agree() {
+    for seed in 0..200 {
+        let expected = Level::SCALAR.run(Everything { seed });
+        for level in Level::available() {
+            assert!(
+                level.run(Everything { seed }) == expected,
+                "{} differs for {seed}",
+                level.name()
+            );
+        }
+    }
+}
+
+struct MulAdd;
+
+impl Kernel for MulAdd {
+    type Output = [f32; 16];
+    #[inline(always)]
+    fn run<S: Simd>(self, s: S) -> [f32; 16] {
+        let (a, b, c) = (numbers(5), numbers(9), numbers(11));
+        s.from16(&a).mul_add(s.from16(&b), s.from16(&c)).to_array()
+    }
+}
+
+#[test]
+fn mul_add_rounds_once_or_twice() {
+    let (a, b, c): ([f32; 16], [f32; 16], [f32; 16]) = (numbers(5), numbers(9), numbers(11));
+    for level in Level::available() {
+        let found = level.run(MulAdd);
+        for i in 0..16 {
+            let exact = f64::from(a[i]) * f64::from(b[i]) + f64::from(c[i]);
+            let size = (f64::from(a[i]) * f64::from(b[i])).abs() + f64::from(c[i]).abs();
+            assert!((f64::from(found[i]) - exact).abs() <= size * 2f64.powi(-23));
+        }
+    }
+}
+
+#[test]
+fn triangles_are_those_of_the_lattice() {
+    // Vertex (i, j) is the number 10 j + i.
+    let plane: Vec<f32> = (0..30).map(|n| (n / 5 * 10 + n % 5) as f32).collect();
+    let corners = Scalar.triangles(Scalar.lattice(&plane, 0, 5));
+    for l in 0..8 {
+        let at = |corner: usize, lane: usize| corners[corner].to_array()[lane];
+        let first = (10 * (l / 4) + l % 4) as f32;
+        assert_eq!(
+            [0, 1, 2].map(|c| at(c, l)),
+            [first, first + 1.0, first + 11.0]
+        );
+        assert_eq!(
+            [0, 1, 2].map(|c| at(c, l + 8)),
+            [first, first + 11.0, first + 10.0]
+        );
+    }
+}

@@ -1,0 +1,589 @@
+//! AVX2 with FMA, and AVX-512.
+//!
+//! Vectors of these types are made by [`Avx2`] and [`Avx512`] alone, and those by [`run_avx2`] and
+//! [`run_avx512`] alone, after the processor was asked. That is what every `unsafe` below rests on.
+#![allow(unsafe_code)]
+
+use std::arch::x86_64::*;
+use std::ops::{Add, BitAnd, BitOr, Mul, Neg, Sub};
+
+use super::{Float, Kernel, Mask, Simd};
+
+pub(crate) fn has_avx2() -> bool {
+    is_x86_feature_detected!("avx2")
+        && is_x86_feature_detected!("fma")
+        && is_x86_feature_detected!("bmi1")
+        && is_x86_feature_detected!("bmi2")
+        && is_x86_feature_detected!("lzcnt")
+        && is_x86_feature_detected!("popcnt")
+}
+
+pub(crate) fn has_avx512() -> bool {
+    has_avx2()
+        && is_x86_feature_detected!("avx512f")
+        && is_x86_feature_detected!("avx512bw")
+        && is_x86_feature_detected!("avx512dq")
+        && is_x86_feature_detected!("avx512vl")
+}
+
+#[inline]
+pub(crate) fn run_avx2<K: Kernel>(kernel: K) -> K::Output {
+    // SAFETY: `Level` holds this set only where `has_avx2` said so.
+    unsafe { avx2(kernel) }
+}
+
+#[inline]
+pub(crate) fn run_avx512<K: Kernel>(kernel: K) -> K::Output {
+    // SAFETY: `Level` holds this set only where `has_avx512` said so.
+    unsafe { avx512(kernel) }
+}
+
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+fn avx2<K: Kernel>(kernel: K) -> K::Output {
+    kernel.run(Avx2(()))
+}
+
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt,avx512f,avx512bw,avx512dq,avx512vl")]
+fn avx512<K: Kernel>(kernel: K) -> K::Output {
+    kernel.run(Avx512(()))
+}
+
+/// An expression of intrinsics.
+macro_rules! x86 {
+    ($e:expr) => {{
+        // SAFETY: the instructions exist, as the module's text says; pointers come from references to
+        // arrays of the size that is read or written.
+        unsafe { $e }
+    }};
+}
+
+/// AVX2 with FMA.
+#[derive(Clone, Copy, Debug)]
+pub struct Avx2(());
+
+/// AVX-512 (F, BW, DQ, VL).
+#[derive(Clone, Copy, Debug)]
+pub struct Avx512(());
+
+/// 8 floats.
+#[derive(Clone, Copy, Debug)]
+pub struct F256(__m256);
+
+/// Truth values of 8 floats: all bits of a lane, or none.
+#[derive(Clone, Copy, Debug)]
+pub struct M256(__m256);
+
+/// 16 floats in two registers.
+#[derive(Clone, Copy, Debug)]
+pub struct Pair(F256, F256);
+
+/// Truth values of a [`Pair`].
+#[derive(Clone, Copy, Debug)]
+pub struct PairMask(M256, M256);
+
+/// 16 floats.
+#[derive(Clone, Copy, Debug)]
+pub struct F512(__m512);
+
+/// Truth values of 16 floats, one a bit.
+#[derive(Clone, Copy, Debug)]
+pub struct M512(__mmask16);
+
+macro_rules! operators {
+    ($type:ty, |$a:ident, $b:ident| $add:expr, $sub:expr, $mul:expr, $neg:expr) => {
+        impl Add for $type {
+            type Output = Self;
+            #[inline(always)]
+            fn add(self, $b: Self) -> Self {
+                let $a = self;
+                $add
+            }
+        }
+        impl Sub for $type {
+            type Output = Self;
+            #[inline(always)]
+            fn sub(self, $b: Self) -> Self {
+                let $a = self;
+                $sub
+            }
+        }
+        impl Mul for $type {
+            type Output = Self;
+            #[inline(always)]
+            fn mul(self, $b: Self) -> Self {
+                let $a = self;
+                $mul
+            }
+        }
+        impl Neg for $type {
+            type Output = Self;
+            #[inline(always)]
+            fn neg(self) -> Self {
+                let $a = self;
+                $neg
+            }
+        }
+    };
+}
+
+operators!(
+    F256,
+    |a, b| x86!(F256(_mm256_add_ps(a.0, b.0))),
+    x86!(F256(_mm256_sub_ps(a.0, b.0))),
+    x86!(F256(_mm256_mul_ps(a.0, b.0))),
+    x86!(F256(_mm256_xor_ps(a.0, _mm256_set1_ps(-0.0))))
+);
+operators!(
+    Pair,
+    |a, b| Pair(a.0 + b.0, a.1 + b.1),
+    Pair(a.0 - b.0, a.1 - b.1),
+    Pair(a.0 * b.0, a.1 * b.1),
+    Pair(-a.0, -a.1)
+);
+operators!(
+    F512,
+    |a, b| x86!(F512(_mm512_add_ps(a.0, b.0))),
+    x86!(F512(_mm512_sub_ps(a.0, b.0))),
+    x86!(F512(_mm512_mul_ps(a.0, b.0))),
+    x86!(F512(_mm512_xor_ps(a.0, _mm512_set1_ps(-0.0))))
+);
+
+macro_rules! mask {
+    ($type:ty, |$a:ident, $b:ident| $and:expr, $or:expr, $bits:expr) => {
+        impl BitAnd for $type {
+            type Output = Self;
+            #[inline(always)]
+            fn bitand(self, $b: Self) -> Self {
+                let $a = self;
+                $and
+            }
+        }
+        impl BitOr for $type {
+            type Output = Self;
+            #[inline(always)]
+            fn bitor(self, $b: Self) -> Self {
+                let $a = self;
+                $or
+            }
+        }
+        impl Mask for $type {
+            #[inline(always)]
+            fn bits(self) -> u32 {
+                let $a = self;
+                $bits
+            }
+        }
+    };
+}
+
+mask!(
+    M256,
+    |a, b| x86!(M256(_mm256_and_ps(a.0, b.0))),
+    x86!(M256(_mm256_or_ps(a.0, b.0))),
+    x86!(_mm256_movemask_ps(a.0)).cast_unsigned()
+);
+mask!(
+    PairMask,
+    |a, b| PairMask(a.0 & b.0, a.1 & b.1),
+    PairMask(a.0 | b.0, a.1 | b.1),
+    a.0.bits() | a.1.bits() << 8
+);
+mask!(
+    M512,
+    |a, b| M512(a.0 & b.0),
+    M512(a.0 | b.0),
+    u32::from(a.0)
+);
+
+impl Float<8> for F256 {
+    type Mask = M256;
+    #[inline(always)]
+    fn to_array(self) -> [f32; 8] {
+        let mut out = [0.0; 8];
+        x86!(_mm256_storeu_ps(out.as_mut_ptr(), self.0));
+        out
+    }
+    #[inline(always)]
+    fn min(self, o: Self) -> Self {
+        x86!(F256(_mm256_min_ps(self.0, o.0)))
+    }
+    #[inline(always)]
+    fn max(self, o: Self) -> Self {
+        x86!(F256(_mm256_max_ps(self.0, o.0)))
+    }
+    #[inline(always)]
+    fn mul_add(self, by: Self, plus: Self) -> Self {
+        x86!(F256(_mm256_fmadd_ps(self.0, by.0, plus.0)))
+    }
+    #[inline(always)]
+    fn over(self, by: Self) -> Self {
+        x86!(F256(_mm256_div_ps(self.0, by.0)))
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        x86!(F256(_mm256_andnot_ps(_mm256_set1_ps(-0.0), self.0)))
+    }
+    #[inline(always)]
+    fn lt(self, o: Self) -> M256 {
+        x86!(M256(_mm256_cmp_ps::<_CMP_LT_OQ>(self.0, o.0)))
+    }
+    #[inline(always)]
+    fn le(self, o: Self) -> M256 {
+        x86!(M256(_mm256_cmp_ps::<_CMP_LE_OQ>(self.0, o.0)))
+    }
+    #[inline(always)]
+    fn or(self, mask: M256, o: Self) -> Self {
+        x86!(F256(_mm256_blendv_ps(o.0, self.0, mask.0)))
+    }
+    #[inline(always)]
+    fn least(self) -> f32 {
+        x86!({
+            let a = _mm_min_ps(
+                _mm256_castps256_ps128(self.0),
+                _mm256_extractf128_ps::<1>(self.0),
+            );
+            let a = _mm_min_ps(a, _mm_movehl_ps(a, a));
+            _mm_cvtss_f32(_mm_min_ss(a, _mm_movehdup_ps(a)))
+        })
+    }
+    #[inline(always)]
+    fn most(self) -> f32 {
+        x86!({
+            let a = _mm_max_ps(
+                _mm256_castps256_ps128(self.0),
+                _mm256_extractf128_ps::<1>(self.0),
+            );
+            let a = _mm_max_ps(a, _mm_movehl_ps(a, a));
+            _mm_cvtss_f32(_mm_max_ss(a, _mm_movehdup_ps(a)))
+        })
+    }
+}
+
+impl Float<16> for Pair {
+    type Mask = PairMask;
+    #[inline(always)]
+    fn to_array(self) -> [f32; 16] {
+        let mut out = [0.0; 16];
+        x86!({
+            _mm256_storeu_ps(out.as_mut_ptr(), self.0.0);
+            _mm256_storeu_ps(out.as_mut_ptr().add(8), self.1.0);
+        });
+        out
+    }
+    #[inline(always)]
+    fn min(self, o: Self) -> Self {
+        Pair(self.0.min(o.0), self.1.min(o.1))
+    }
+    #[inline(always)]
+    fn max(self, o: Self) -> Self {
+        Pair(self.0.max(o.0), self.1.max(o.1))
+    }
+    #[inline(always)]
+    fn mul_add(self, by: Self, plus: Self) -> Self {
+        Pair(self.0.mul_add(by.0, plus.0), self.1.mul_add(by.1, plus.1))
+    }
+    #[inline(always)]
+    fn over(self, by: Self) -> Self {
+        Pair(self.0.over(by.0), self.1.over(by.1))
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        Pair(self.0.abs(), self.1.abs())
+    }
+    #[inline(always)]
+    fn lt(self, o: Self) -> PairMask {
+        PairMask(self.0.lt(o.0), self.1.lt(o.1))
+    }
+    #[inline(always)]
+    fn le(self, o: Self) -> PairMask {
+        PairMask(self.0.le(o.0), self.1.le(o.1))
+    }
+    #[inline(always)]
+    fn or(self, mask: PairMask, o: Self) -> Self {
+        Pair(self.0.or(mask.0, o.0), self.1.or(mask.1, o.1))
+    }
+    #[inline(always)]
+    fn least(self) -> f32 {
+        self.0.min(self.1).least()
+    }
+    #[inline(always)]
+    fn most(self) -> f32 {
+        self.0.max(self.1).most()
+    }
+}
+
+impl Float<16> for F512 {
+    type Mask = M512;
+    #[inline(always)]
+    fn to_array(self) -> [f32; 16] {
+        let mut out = [0.0; 16];
+        x86!(_mm512_storeu_ps(out.as_mut_ptr(), self.0));
+        out
+    }
+    #[inline(always)]
+    fn min(self, o: Self) -> Self {
+        x86!(F512(_mm512_min_ps(self.0, o.0)))
+    }
+    #[inline(always)]
+    fn max(self, o: Self) -> Self {
+        x86!(F512(_mm512_max_ps(self.0, o.0)))
+    }
+    #[inline(always)]
+    fn mul_add(self, by: Self, plus: Self) -> Self {
+        x86!(F512(_mm512_fmadd_ps(self.0, by.0, plus.0)))
+    }
+    #[inline(always)]
+    fn over(self, by: Self) -> Self {
+        x86!(F512(_mm512_div_ps(self.0, by.0)))
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        x86!(F512(_mm512_abs_ps(self.0)))
+    }
+    #[inline(always)]
+    fn lt(self, o: Self) -> M512 {
+        x86!(M512(_mm512_cmp_ps_mask::<_CMP_LT_OQ>(self.0, o.0)))
+    }
+    #[inline(always)]
+    fn le(self, o: Self) -> M512 {
+        x86!(M512(_mm512_cmp_ps_mask::<_CMP_LE_OQ>(self.0, o.0)))
+    }
+    #[inline(always)]
+    fn or(self, mask: M512, o: Self) -> Self {
+        x86!(F512(_mm512_mask_blend_ps(mask.0, o.0, self.0)))
+    }
+    #[inline(always)]
+    fn least(self) -> f32 {
+        let halves = x86!((
+            F256(_mm512_castps512_ps256(self.0)),
+            F256(_mm512_extractf32x8_ps::<1>(self.0))
+        ));
+        halves.0.min(halves.1).least()
+    }
+    #[inline(always)]
+    fn most(self) -> f32 {
+        let halves = x86!((
+            F256(_mm512_castps512_ps256(self.0)),
+            F256(_mm512_extractf32x8_ps::<1>(self.0))
+        ));
+        halves.0.max(halves.1).most()
+    }
+}
+
+#[inline(always)]
+fn all8(x: f32) -> F256 {
+    x86!(F256(_mm256_set1_ps(x)))
+}
+
+#[inline(always)]
+fn from8(x: &[f32; 8]) -> F256 {
+    x86!(F256(_mm256_loadu_ps(x.as_ptr())))
+}
+
+#[inline(always)]
+fn bytes8(x: &[u8; 8]) -> F256 {
+    x86!({
+        let bytes = _mm_loadl_epi64(x.as_ptr().cast());
+        F256(_mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(bytes)))
+    })
+}
+
+#[inline(always)]
+fn less8(x: F256, by: f64) -> F256 {
+    x86!({
+        let by = _mm256_set1_pd(by);
+        let lo = _mm256_cvtps_pd(_mm256_castps256_ps128(x.0));
+        let hi = _mm256_cvtps_pd(_mm256_extractf128_ps::<1>(x.0));
+        let lo = _mm256_cvtpd_ps(_mm256_sub_pd(lo, by));
+        let hi = _mm256_cvtpd_ps(_mm256_sub_pd(hi, by));
+        F256(_mm256_insertf128_ps::<1>(_mm256_castps128_ps256(lo), hi))
+    })
+}
+
+#[inline(always)]
+fn mask8(bits: u32) -> M256 {
+    x86!({
+        let lane = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
+        let set = _mm256_and_si256(_mm256_set1_epi32(bits.cast_signed()), lane);
+        M256(_mm256_castsi256_ps(_mm256_cmpeq_epi32(set, lane)))
+    })
+}
+
+/// One to the right in each of two rows of a lattice; the last of each is the row's end.
+#[inline(always)]
+fn right(rows: __m256, ends: __m256) -> F256 {
+    x86!({
+        let shifted = _mm256_permute_ps::<0b00_11_10_01>(rows);
+        F256(_mm256_blend_ps::<0b1000_1000>(shifted, ends))
+    })
+}
+
+#[inline(always)]
+fn row(plane: &[f32], at: usize) -> &[f32; 5] {
+    plane[at..].first_chunk().expect("a row of 5 floats")
+}
+
+/// Rows of a lattice, as [`Simd::lattice`] says: the first 8 lanes, and the last.
+#[inline(always)]
+fn lattice(plane: &[f32], first: usize, stride: usize) -> (__m256, __m256) {
+    let (r0, r1, r2) = (
+        row(plane, first),
+        row(plane, first + stride),
+        row(plane, first + 2 * stride),
+    );
+    x86!({
+        let near = _mm256_insertf128_ps::<1>(
+            _mm256_castps128_ps256(_mm_loadu_ps(r0.as_ptr())),
+            _mm_loadu_ps(r1.as_ptr()),
+        );
+        let ends = _mm_insert_ps::<0x10>(_mm_load_ss(&r0[4]), _mm_load_ss(&r1[4]));
+        let ends = _mm_insert_ps::<0x20>(ends, _mm_load_ss(&r2[4]));
+        let far =
+            _mm256_insertf128_ps::<1>(_mm256_castps128_ps256(_mm_loadu_ps(r2.as_ptr())), ends);
+        (near, far)
+    })
+}
+
+impl Simd for Avx2 {
+    type F8 = F256;
+    type F16 = Pair;
+    type M16 = PairMask;
+
+    #[inline(always)]
+    fn all8(self, x: f32) -> F256 {
+        all8(x)
+    }
+    #[inline(always)]
+    fn from8(self, x: &[f32; 8]) -> F256 {
+        from8(x)
+    }
+    #[inline(always)]
+    fn bytes8(self, x: &[u8; 8]) -> F256 {
+        bytes8(x)
+    }
+    #[inline(always)]
+    fn all16(self, x: f32) -> Pair {
+        Pair(all8(x), all8(x))
+    }
+    #[inline(always)]
+    fn from16(self, x: &[f32; 16]) -> Pair {
+        x86!(Pair(
+            F256(_mm256_loadu_ps(x.as_ptr())),
+            F256(_mm256_loadu_ps(x.as_ptr().add(8)))
+        ))
+    }
+    #[inline(always)]
+    fn less16(self, x: Pair, by: f64) -> Pair {
+        Pair(less8(x.0, by), less8(x.1, by))
+    }
+    #[inline(always)]
+    fn mask16(self, bits: u32) -> PairMask {
+        PairMask(mask8(bits), mask8(bits >> 8))
+    }
+    #[inline(always)]
+    fn lattice(self, plane: &[f32], first: usize, stride: usize) -> Pair {
+        let (near, far) = lattice(plane, first, stride);
+        Pair(F256(near), F256(far))
+    }
+    #[inline(always)]
+    fn lane(self, column: usize, row: usize) -> usize {
+        super::scalar::lane(column, row)
+    }
+    #[inline(always)]
+    fn triangles(self, Pair(F256(near), F256(far)): Pair) -> [Pair; 3] {
+        // The rows' ends are in `far`'s upper half.
+        let (next, ends0, ends1) = x86!((
+            _mm256_permute2f128_ps::<0x21>(near, far),
+            _mm256_permutevar8x32_ps(far, _mm256_setr_epi32(0, 0, 0, 4, 0, 0, 0, 5)),
+            _mm256_permutevar8x32_ps(far, _mm256_setr_epi32(0, 0, 0, 5, 0, 0, 0, 6))
+        ));
+        let (a, d) = (F256(near), F256(next));
+        let (b, c) = (right(near, ends0), right(next, ends1));
+        [Pair(a, a), Pair(b, c), Pair(c, d)]
+    }
+}
+
+/// Lanes of a lattice in rows of 5 at the corners of triangles; see [`Simd::triangles`].
+const ROWS: [[i32; 16]; 3] = [
+    [0, 1, 2, 3, 5, 6, 7, 8, 0, 1, 2, 3, 5, 6, 7, 8],
+    [1, 2, 3, 4, 6, 7, 8, 9, 6, 7, 8, 9, 11, 12, 13, 14],
+    [6, 7, 8, 9, 11, 12, 13, 14, 5, 6, 7, 8, 10, 11, 12, 13],
+];
+
+/// Lanes `at` of `x`.
+#[inline(always)]
+fn permuted(at: &[i32; 16], x: F512) -> F512 {
+    x86!(F512(_mm512_permutexvar_ps(
+        _mm512_loadu_si512(at.as_ptr().cast()),
+        x.0
+    )))
+}
+
+impl Simd for Avx512 {
+    type F8 = F256;
+    type F16 = F512;
+    type M16 = M512;
+
+    #[inline(always)]
+    fn all8(self, x: f32) -> F256 {
+        all8(x)
+    }
+    #[inline(always)]
+    fn from8(self, x: &[f32; 8]) -> F256 {
+        from8(x)
+    }
+    #[inline(always)]
+    fn bytes8(self, x: &[u8; 8]) -> F256 {
+        bytes8(x)
+    }
+    #[inline(always)]
+    fn all16(self, x: f32) -> F512 {
+        x86!(F512(_mm512_set1_ps(x)))
+    }
+    #[inline(always)]
+    fn from16(self, x: &[f32; 16]) -> F512 {
+        x86!(F512(_mm512_loadu_ps(x.as_ptr())))
+    }
+    #[inline(always)]
+    fn less16(self, x: F512, by: f64) -> F512 {
+        x86!({
+            let by = _mm512_set1_pd(by);
+            let lo = _mm512_cvtps_pd(_mm512_castps512_ps256(x.0));
+            let hi = _mm512_cvtps_pd(_mm512_extractf32x8_ps::<1>(x.0));
+            let lo = _mm512_cvtpd_ps(_mm512_sub_pd(lo, by));
+            let hi = _mm512_cvtpd_ps(_mm512_sub_pd(hi, by));
+            F512(_mm512_insertf32x8::<1>(_mm512_castps256_ps512(lo), hi))
+        })
+    }
+    #[inline(always)]
+    fn mask16(self, bits: u32) -> M512 {
+        M512(bits as u16)
+    }
+    #[inline(always)]
+    fn lattice(self, plane: &[f32], first: usize, stride: usize) -> F512 {
+        assert!(stride < 1 << 16 && first < plane.len());
+        assert!(first + 2 * stride + 5 <= plane.len());
+        // Row by row: lanes 0 to 4, 5 to 9 and 10 to 14. Masked lanes are not read.
+        // SAFETY: AVX-512 is there; of each row, the 5 floats that the mask lets through are in `plane`.
+        unsafe {
+            let p = plane.as_ptr();
+            let v = _mm512_maskz_loadu_ps(0x001f, p.wrapping_add(first));
+            let row = p.wrapping_add(first + stride).wrapping_sub(5);
+            let v = _mm512_mask_loadu_ps(v, 0x03e0, row);
+            let row = p.wrapping_add(first + 2 * stride).wrapping_sub(10);
+            F512(_mm512_mask_loadu_ps(v, 0x7c00, row))
+        }
+    }
+    #[inline(always)]
+    fn lane(self, column: usize, row: usize) -> usize {
+        5 * row + column
+    }
+    #[inline(always)]
+    fn triangles(self, lattice: F512) -> [F512; 3] {
+        [
+            permuted(&ROWS[0], lattice),
+            permuted(&ROWS[1], lattice),
+            permuted(&ROWS[2], lattice),
+        ]
+    }
+}
