@@ -63,7 +63,8 @@ def read_implicit(
         times = [time - shutter.frame for time in sorted({t for one in samples for t in one})]
     sizes = np.zeros((len(times), 3))
     for row, time in zip(sizes, times, strict=True):
-        row[: len(names)] = [get_or_fallback(one, shutter.code(time), log) for one in attributes]
+        code = shutter.code(time)
+        row[: len(names)] = [get_or_fallback(a, code, log, shutter.time) for a in attributes]
     has_axis = hasattr(schema, "GetAxisAttr")
     orientation = UsdGeom.Gprim(prim).GetOrientationAttr()
     return Implicit(

@@ -18,6 +18,7 @@ Arnold's curve counts where its shutter_type says so.
 import math
 from dataclasses import dataclass, field
 from itertools import pairwise
+from numbers import Real
 
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom
@@ -25,7 +26,7 @@ from pxr import Sdf, Usd, UsdGeom
 from .guard import mistyped
 from .log import SceneLog
 from .shutter import Shutter, bracketing_samples
-from .typed import get_or_fallback, get_or_ignore, warn_unknown
+from .typed import get_or_fallback, get_or_ignore, up_to_block, warn_unknown
 
 APERTURE_UNIT = 0.1
 """Scene units of one unit of aperture or focal length."""
@@ -73,19 +74,22 @@ class ShutterCurve:
     bezier: bool = False
 
 
-def read_lens(camera: UsdGeom.Camera, time: Usd.TimeCode, log: SceneLog) -> dict[str, float]:
-    """Lens, film back and exposure at one time, in scene units; by the names of the C ABI."""
+def read_lens(
+    camera: UsdGeom.Camera, time: Usd.TimeCode, frame: Usd.TimeCode, log: SceneLog
+) -> dict[str, float]:
+    """Lens, film back and exposure at one time around a frame, in scene units; by the names of the
+    C ABI."""
     prim = camera.GetPrim()
     lens = {
-        name: float(get_or_fallback(prim.GetAttribute(attribute), time, log)) * factor
+        name: float(get_or_fallback(prim.GetAttribute(attribute), time, log, frame)) * factor
         for name, (attribute, factor) in LENS_ATTRIBUTES.items()
     }
-    lens["f_stop"] = _f_stop(camera, time, lens["f_stop"], log)
-    lens["exposure_scale"] = _exposure_scale(camera, time, log)
+    lens["f_stop"] = _f_stop(camera, time, lens["f_stop"])
+    lens["exposure_scale"] = _exposure_scale(camera, time, frame, log)
     return lens
 
 
-def _f_stop(camera: UsdGeom.Camera, time: Usd.TimeCode, value: float, log: SceneLog) -> float:
+def _f_stop(camera: UsdGeom.Camera, time: Usd.TimeCode, value: float) -> float:
     """fStop between a sample with a pinhole, 0, and one with a lens: the radius goes linearly.
 
     fStop itself would pass near 0 on its way, where a lens is without bounds.
@@ -98,7 +102,9 @@ def _f_stop(camera: UsdGeom.Camera, time: Usd.TimeCode, value: float, log: Scene
     around = attribute.GetBracketingTimeSamples(time.GetValue())
     if len(around) != 2 or around[0] == around[1]:
         return value
-    ends = (get_or_fallback(attribute, Usd.TimeCode(t), log) for t in around)
+    ends = [attribute.Get(Usd.TimeCode(sample)) for sample in around]
+    if not all(isinstance(end, Real) for end in ends):
+        return value  # blocked, or of another type
     first, second = map(float, ends)
     if (first == 0.0) == (second == 0.0):
         return value
@@ -107,11 +113,16 @@ def _f_stop(camera: UsdGeom.Camera, time: Usd.TimeCode, value: float, log: Scene
     return lens / open_part if open_part > 0.0 else 0.0
 
 
-def _exposure_scale(camera: UsdGeom.Camera, time: Usd.TimeCode, log: SceneLog) -> float:
+def _exposure_scale(
+    camera: UsdGeom.Camera, time: Usd.TimeCode, frame: Usd.TimeCode, log: SceneLog
+) -> float:
     wrong = mistyped(camera.GetPrim(), EXPOSURE_ATTRIBUTES)
     if wrong:
         log.warn(camera.GetPath(), "type", f"{wrong}; its exposure is taken as 1")
         return 1.0
+    for name in EXPOSURE_ATTRIBUTES:
+        time = up_to_block(camera.GetPrim().GetAttribute(name), time, frame)
+        get_or_fallback(camera.GetPrim().GetAttribute(name), time, log)  # which USD takes as well
     return float(camera.ComputeLinearExposureScale(time))
 
 
@@ -130,17 +141,20 @@ def read_lens_samples(
         ends = sorted({min(max(t, opens), closes) for t in times | exposure_times})
         times.update(ends)
         for start, end in pairwise(ends):
-            times.update(_exposure_keys(camera, start, end, log))
+            times.update(_exposure_keys(camera, start, end, shutter.time, log))
     return [
-        (time - shutter.frame, read_lens(camera, Usd.TimeCode(time), log)) for time in sorted(times)
+        (time - shutter.frame, read_lens(camera, Usd.TimeCode(time), shutter.time, log))
+        for time in sorted(times)
     ]
 
 
-def _exposure_keys(camera: UsdGeom.Camera, start: float, end: float, log: SceneLog) -> list[float]:
+def _exposure_keys(
+    camera: UsdGeom.Camera, start: float, end: float, frame: Usd.TimeCode, log: SceneLog
+) -> list[float]:
     """Times between which the exposure's scale is straight."""
 
     def scale(time: float) -> float:
-        return _exposure_scale(camera, Usd.TimeCode(time), log)
+        return _exposure_scale(camera, Usd.TimeCode(time), frame, log)
 
     found = []
     pending = [(start, scale(start), end, scale(end), EXPOSURE_HALVINGS)]

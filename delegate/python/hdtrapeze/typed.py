@@ -11,7 +11,7 @@ import difflib
 from collections.abc import Iterable
 
 import numpy as np
-from pxr import Sdf, Tf, Usd
+from pxr import Gf, Sdf, Tf, Usd
 
 from .log import SceneLog
 
@@ -96,15 +96,52 @@ def get_or_ignore(
         return None
 
 
-def get_or_fallback(attribute: Usd.Attribute, time: Usd.TimeCode, log: SceneLog):
-    """As `get`; where the type is another, the schema's fallback with a warning."""
+def get_or_fallback(
+    attribute: Usd.Attribute,
+    time: Usd.TimeCode,
+    log: SceneLog,
+    frame: Usd.TimeCode | None = None,
+):
+    """As `get`; where the type is another or the value is blocked, the schema's fallback with a
+    warning.
+
+    With `frame`, which `time` is a key around, a block between the two holds the value that is on
+    the frame's side of it; only what is blocked at the frame itself has the fallback.
+    """
     try:
-        return get(attribute, time)
+        within = time if frame is None else up_to_block(attribute, time, frame)
+        value = get(attribute, within)
+        why = f"{attribute.GetName()} is blocked by a time sample"
     except Mistyped as error:
-        value = _fallback(attribute)
-        used = "it is ignored" if value is None else f"{value} is used"
-        log.warn(attribute.GetPrim().GetPath(), "type", f"{error}; {used}")
+        value, why = None, str(error)
+    if value is not None:
         return value
+    value = _fallback(attribute)
+    if value is not None or attribute.HasAuthoredValue():
+        used = "it is ignored" if value is None else f"{_shown(value)} is used"
+        log.warn(attribute.GetPrim().GetPath(), "type", f"{why}; {used}")
+    return value
+
+
+def _shown(value) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def up_to_block(
+    attribute: Usd.Attribute, time: Usd.TimeCode, frame: Usd.TimeCode
+) -> Usd.TimeCode:
+    """`time`, or the last sample on the way to it that no block is before; else `frame`."""
+    if time == frame or not attribute.ValueMightBeTimeVarying():
+        return time
+    ends = frame.GetValue(), time.GetValue()
+    samples = attribute.GetTimeSamplesInInterval(Gf.Interval(min(ends), max(ends)))
+    kept = frame
+    for sample in [*(samples if ends[0] < ends[1] else reversed(samples)), time]:
+        code = Usd.TimeCode(sample)
+        if attribute.Get(code) is None:
+            return kept
+        kept = code
+    return time
 
 
 def token(attribute: Usd.Attribute, known, time: Usd.TimeCode, log: SceneLog) -> str:
