@@ -152,7 +152,7 @@ def test_samples_of_other_lengths(stage):
     bad = add_curves(stage, "/bad", FOUR, [4], widths=1.0)
     bad.GetPointsAttr().Set(vectors(FOUR), 0)
     bad.GetPointsAttr().Set(vectors(FOUR[:2]), 1)
-    check(stage, "differ in length", shown=1, shutter=(0, 1))
+    check(stage, "number of points changes", shown=1, shutter=(0, 1))
 
 
 def test_attributes_of_another_type(stage):

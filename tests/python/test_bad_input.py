@@ -145,7 +145,7 @@ def test_sizes_of_another_type_fall_back(stage, kind, name, fallback):
     prim = kind.Define(stage, "/bad").GetPrim()
     plain = render(stage)
     retype(prim, name, value="7")
-    text = f"{name} has the type string, where double is expected; {fallback} is used"
+    text = f"{name} has the type string, where double is expected; {fallback:g} is used"
     image = check(stage, text, shown=True)
     np.testing.assert_array_equal(image["color"], plain["color"])
 
@@ -236,8 +236,8 @@ def test_a_fault_of_a_later_frame_takes_the_prim_away(stage):
 @pytest.mark.parametrize(
     ("name", "fallback"),
     [
-        ("focalLength", "50.0"),
-        ("horizontalAperture", "20.954999923706055"),
+        ("focalLength", "50"),
+        ("horizontalAperture", "20.955"),
         ("focusDistance", "0"),
         ("fStop", "0"),
         ("shutter:open", "0"),

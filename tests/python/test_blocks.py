@@ -3,8 +3,17 @@
 import hdtrapeze
 import numpy as np
 import pytest
-from pxr import Gf, Sdf, Usd, UsdGeom
-from scenes import add_camera, add_quad, new_stage, one_warning, render, set_samples
+from pxr import Gf, Sdf, UsdGeom
+from scenes import (
+    add_camera,
+    add_quad,
+    new_stage,
+    one_warning,
+    quad_coverage,
+    quad_points,
+    render,
+    set_samples,
+)
 
 BLOCK = Sdf.ValueBlock()
 
@@ -95,3 +104,94 @@ def test_a_blocked_size_is_the_schemas(schema):
     held = alpha({0: 3.0, 2: BLOCK, 4: 1.0}, frame=1, shutter=(0.0, 3.0))
     assert held.warnings == []
     assert np.array_equal(held.alpha, alpha({0: 3.0}, frame=1, shutter=(0.0, 3.0)).alpha)
+
+
+LEFT, RIGHT = (-3, -1, -1, 1), (1, -1, 3, 1)
+OPEN = {"shutter": (-0.5, 0.5)}
+
+
+def moving_quad(samples, velocities=None):
+    stage = new_stage()
+    add_camera(stage)
+    quad = add_quad(stage)
+    set_samples(quad.GetPointsAttr(), samples)
+    if velocities is not None:
+        set_samples(quad.GetVelocitiesAttr(), dict.fromkeys(samples, velocities))
+    return stage
+
+
+def corners(*box):
+    return [Gf.Vec3f(*point) for point in quad_points(*box)]
+
+
+UNUSABLE = {"empty": [], "blocked": BLOCK, "few": corners(*LEFT)[:3]}
+
+
+@pytest.mark.parametrize("velocities", [None, [Gf.Vec3f(0)] * 4], ids=["alone", "velocities"])
+@pytest.mark.parametrize("points", UNUSABLE.values(), ids=UNUSABLE)
+def test_points_that_the_frame_lacks_are_not_another_frames(points, velocities):
+    stage = moving_quad({0: corners(*LEFT), 1: points, 2: corners(*LEFT)}, velocities)
+    closed, opened = render(stage, 1.0), render(stage, 1.0, **OPEN)
+    assert not closed.alpha.any()
+    assert not opened.alpha.any()
+    if velocities is None:
+        assert opened.warnings == closed.warnings
+        one_warning(opened, "/quad", "points")
+    assert not any("differ in length" in text for _, _, text in opened.warnings)
+
+
+@pytest.mark.parametrize("points", UNUSABLE.values(), ids=UNUSABLE)
+def test_samples_beside_the_frame_that_cannot_be_joined(points):
+    stage = moving_quad({0: points, 1: corners(*LEFT), 2: points})
+    image = render(stage, 1.0, **OPEN)
+    assert np.array_equal(image.alpha, quad_coverage(*LEFT))
+    if points is BLOCK:
+        assert image.warnings == []
+    else:
+        one_warning(image, "/quad", "number of points changes within the shutter")
+
+
+def test_points_move_up_to_a_block():
+    samples = {0: corners(*LEFT), 1: corners(*RIGHT)}
+    blocked = moving_quad(samples | {1.25: BLOCK, 1.5: corners(*LEFT)})
+    image = render(blocked, 0.5, shutter=(0, 2))
+    assert image.warnings == []
+    assert np.array_equal(image.alpha, render(moving_quad(samples), 0.5, shutter=(0, 2)).alpha)
+
+
+# Instancers ---------------------------------------------------------------------------------------
+
+
+def instancer(**samples):
+    """Three instances of a small quad; other attributes by name, with a dict of samples."""
+    stage = new_stage()
+    add_camera(stage)
+    made = UsdGeom.PointInstancer.Define(stage, "/many")
+    add_quad(stage, "/many/quad", -0.5, -0.5, 0.5, 0.5)
+    made.CreatePrototypesRel().AddTarget("/many/quad")
+    made.CreateProtoIndicesAttr([0, 0, 0])
+    made.CreatePositionsAttr([(-2, 0, 0), (0, 0, 0), (2, 0, 0)])
+    for name, values in samples.items():
+        set_samples(made.GetPrim().GetAttribute(name), values)
+    return stage
+
+
+@pytest.mark.parametrize("options", [{}, OPEN], ids=["closed", "open"])
+def test_instances_without_positions_are_not_rendered(options):
+    image = render(instancer(positions={0: []}), **options)
+    one_warning(image, "/many", "0 positions for 3 instances; they are not rendered")
+    assert not image.alpha.any()
+    image = render(instancer(positions={0: [(0, 0, 0)] * 3, 1: [], 2: []}), 1.0, **OPEN)
+    one_warning(image, "/many", "0 positions for 3 instances; they are not rendered")
+
+
+def test_blocked_scales_hold_up_to_the_block():
+    scales = {0: [(1, 1, 1)] * 3, 1: [(2, 2, 2)] * 3}
+    blocked = instancer(scales=scales | {1.25: BLOCK, 2: [(9, 9, 9)] * 3})
+    image = render(blocked, 0.5, shutter=(0, 2))
+    assert image.warnings == []
+    plain = render(instancer(scales=scales), 0.5, shutter=(0, 2))
+    assert np.array_equal(image.alpha, plain.alpha)
+    at_block = render(blocked, 1.5, **OPEN)
+    assert at_block.warnings == []
+    assert np.array_equal(at_block.alpha, render(instancer()).alpha)

@@ -12,7 +12,7 @@ from pxr import Usd, UsdGeom
 from .log import SceneLog
 from .mesh import Points, read_points
 from .shutter import Shutter
-from .typed import get, token
+from .typed import get, might_vary, token
 
 TYPES = ("linear", "cubic")
 BASES = {"bezier": "BEZIER", "bspline": "BSPLINE", "catmullRom": "CATMULL_ROM"}
@@ -76,25 +76,28 @@ def read_curves(prim: Usd.Prim, shutter: Shutter, log: SceneLog, before: Curves 
 def _read_topology(curves: UsdGeom.BasisCurves, shutter: Shutter, log: SceneLog) -> CurveTopology:
     counts = curves.GetCurveVertexCountsAttr()
     value = get(counts, shutter.time)
+    form, form_varies = read_form(curves, shutter, log)
     array = np.ascontiguousarray([] if value is None else value, dtype=np.int32)
+    words = curves.GetTypeAttr(), curves.GetBasisAttr(), curves.GetWrapAttr()
     linear = token(curves.GetTypeAttr(), TYPES, shutter.time, log) == "linear"
     return CurveTopology(
         basis="LINEAR" if linear else BASES[token(curves.GetBasisAttr(), BASES, shutter.time, log)],
         wrap=WRAPS[token(curves.GetWrapAttr(), WRAPS, shutter.time, log)],
-        form=read_form(curves, shutter, log),
+        form=form,
         vertex_counts=array,
-        varies=counts.ValueMightBeTimeVarying(),
+        varies=form_varies or might_vary(counts, *words),
     )
 
 
-def read_form(curves: UsdGeom.Curves, shutter: Shutter, log: SceneLog) -> str:
-    """What the curves are rendered as, a name of the C ABI's constants."""
+def read_form(curves: UsdGeom.Curves, shutter: Shutter, log: SceneLog) -> tuple[str, bool]:
+    """What the curves are rendered as, a name of the C ABI's constants; and whether it may vary."""
     primvar = UsdGeom.PrimvarsAPI(curves).FindPrimvarWithInheritance(FORM_PRIMVAR)
     value = primvar.Get(shutter.time) if primvar and primvar.HasValue() else None
+    varies = bool(primvar) and primvar.ValueMightBeTimeVarying()
     if value is None:
-        return "DEFAULT"
+        return "DEFAULT", varies
     if not isinstance(value, str) or value not in FORMS:
         text = f"primvars:{FORM_PRIMVAR} is {value!r}, which is none of {', '.join(FORMS)}"
         log.warn(curves.GetPath(), "token-curves", f"{text}; it is ignored")
-        return "DEFAULT"
-    return FORMS[value]
+        return "DEFAULT", varies
+    return FORMS[value], varies

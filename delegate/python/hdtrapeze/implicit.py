@@ -12,7 +12,7 @@ from pxr import Usd, UsdGeom
 from .log import SceneLog
 from .mesh import ORIENTATIONS
 from .shutter import Shutter, bracketing_samples
-from .typed import get_or_fallback, token
+from .typed import get_or_fallback, might_vary, token
 
 KINDS = {
     UsdGeom.Cube: ("CUBE", ("size",)),
@@ -65,13 +65,13 @@ def read_implicit(
     for row, time in zip(sizes, times, strict=True):
         code = shutter.code(time)
         row[: len(names)] = [get_or_fallback(a, code, log, shutter.time) for a in attributes]
-    has_axis = hasattr(schema, "GetAxisAttr")
+    axis = [schema(prim).GetAxisAttr()] if hasattr(schema, "GetAxisAttr") else []
     orientation = UsdGeom.Gprim(prim).GetOrientationAttr()
     return Implicit(
         shape=shape,
-        axis=token(schema(prim).GetAxisAttr(), AXES, shutter.time, log) if has_axis else "Z",
+        axis=token(axis[0], AXES, shutter.time, log) if axis else "Z",
         orientation=token(orientation, ORIENTATIONS, shutter.time, log),
         times=times,
         sizes=sizes,
-        varies=any(attribute.ValueMightBeTimeVarying() for attribute in attributes),
+        varies=might_vary(*attributes, *axis, orientation),
     )

@@ -12,7 +12,7 @@ from pxr import Usd, UsdGeom
 
 from .guard import FAULTS, warn_unreadable
 from .log import SceneLog
-from .points import Samples, moving_sample
+from .points import Samples, moving_sample, unblocked
 from .shutter import Shutter, bracketing_samples, samples_around
 from .transforms import Level, compose, curve_keys
 from .typed import get, get_or_ignore
@@ -96,7 +96,11 @@ def read_point_instancer(
     if missing:
         log.warn(path, "topology", f"it has no {' and no '.join(missing)}; it is not rendered")
         return instances
-    instances.count = len(instances.prototypes)
+    count = len(instances.prototypes)
+    if not len(get(instancer.GetPositionsAttr(), shutter.time)):
+        log.warn(path, "topology", f"0 positions for {count} instances; they are not rendered")
+        return instances
+    instances.count = count
     instances.mask = _mask(instancer, instances.count, shutter, log)
     has_rates = _read_rates(instances, rates, shutter, path, log)
     still = _changes_ids(instancer, shutter, log) and not has_rates
@@ -121,8 +125,9 @@ def _samples(
     if not times and not still:
         times = bracketing_samples(attribute, shutter)
     if times:
-        arrays = [_floats(get(attribute, Usd.TimeCode(time)), width) for time in times]
-        return Samples([time - shutter.frame for time in times], arrays)
+        samples = unblocked(attribute, times, shutter)
+        arrays = [_floats(value, width) for value in samples.values()]
+        return Samples([time - shutter.frame for time in samples], arrays)
     time = shutter.time if still else shutter.code(shutter.open)
     array = _floats(get(attribute, time), width)
     return Samples([shutter.open], [array]) if len(array) else Samples()

@@ -12,7 +12,7 @@ from .log import SceneLog
 from .points import Points, read_points
 from .shutter import Shutter
 from .subsets import Subset, read_subsets
-from .typed import get, get_or_ignore, token
+from .typed import get, get_or_ignore, might_vary, token
 
 SCHEMES = {
     "catmullClark": "CATMULL_CLARK",
@@ -132,12 +132,14 @@ def read_topology(mesh: UsdGeom.Mesh, shutter: Shutter, log: SceneLog) -> Topolo
     topology = Topology(scheme="catmullClark")
     for field_name, (name, known) in TOKENS.items():
         if name in authored:
-            setattr(topology, field_name, token(prim.GetAttribute(name), known, shutter.time, log))
+            attribute = prim.GetAttribute(name)
+            topology.varies |= might_vary(attribute)
+            setattr(topology, field_name, token(attribute, known, shutter.time, log))
     for field_name, (name, dtype) in ARRAYS.items():
         if name not in authored:
             continue
         attribute = prim.GetAttribute(name)
-        topology.varies |= attribute.ValueMightBeTimeVarying()
+        topology.varies |= might_vary(attribute)
         if name in NEEDED:
             value = get(attribute, shutter.time)
         else:

@@ -13,7 +13,7 @@ from .log import SceneLog
 from .mesh import ORIENTATIONS
 from .points import Points, read_points
 from .shutter import Shutter
-from .typed import get, get_or_ignore, token
+from .typed import get, get_or_ignore, might_vary, token
 
 _NO_NUMBERS = np.zeros(0)
 
@@ -76,7 +76,8 @@ def read_nurbs_patch(
 
 
 def _read_basis(patch: UsdGeom.NurbsPatch, shutter: Shutter, log: SceneLog) -> Basis:
-    varies = False
+    orientation = patch.GetOrientationAttr()
+    varies = might_vary(orientation)
 
     def read(attribute: Usd.Attribute, fallback, needed: bool = True):
         nonlocal varies
@@ -100,7 +101,7 @@ def _read_basis(patch: UsdGeom.NurbsPatch, shutter: Shutter, log: SceneLog) -> B
             tuple(read(patch.GetVRangeAttr(), (0.0, 0.0), False)),
         ),
         weights=numbers(patch.GetPointWeightsAttr(), needed=False),
-        orientation=token(patch.GetOrientationAttr(), ORIENTATIONS, shutter.time, log),
+        orientation=token(orientation, ORIENTATIONS, shutter.time, log),
     )
     basis.varies = varies
     return basis

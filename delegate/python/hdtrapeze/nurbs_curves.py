@@ -83,7 +83,8 @@ def _read_basis(curves: UsdGeom.NurbsCurves, shutter: Shutter, log: SceneLog) ->
         "ranges": (curves.GetRangesAttr(), np.float64),
         "weights": (curves.GetPointWeightsAttr(), np.float64),
     }
-    basis = NurbsBasis(form=read_form(curves, shutter, log))
+    form, varies = read_form(curves, shutter, log)
+    basis = NurbsBasis(form=form, varies=varies)
     for name, (attribute, dtype) in attributes.items():
         basis.varies |= attribute.ValueMightBeTimeVarying()
         if name in OPTIONAL:

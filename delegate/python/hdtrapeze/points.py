@@ -9,9 +9,9 @@ import numpy as np
 from pxr import Usd, UsdGeom
 
 from .log import SceneLog
-from .shutter import Shutter, bracketing_samples, samples_around
+from .shutter import Shutter, between_blocks, bracketing_samples, samples_around
 from .typed import get, get_or_ignore
-from .varying import changes_topology, points_at_frame, warn_still
+from .varying import changes_count, changes_topology, points_at_frame, warn_still
 
 
 @dataclass
@@ -47,15 +47,18 @@ def read_points(
         return moved
     attribute = mesh.GetPointsAttr()
     varies = attribute.ValueMightBeTimeVarying()
-    if shutter.moves:
-        samples = bracketing_samples(attribute, shutter)
-        if samples and not (topology_varies and changes_topology(mesh.GetPrim(), samples, shutter)):
-            arrays = [_array(get(attribute, Usd.TimeCode(time))) for time in samples]
+    times = bracketing_samples(attribute, shutter)
+    if times:
+        samples = unblocked(attribute, times, shutter)
+        changes = changes_topology if topology_varies else changes_count
+        if samples and not changes(mesh.GetPrim(), samples, shutter):
+            arrays = [_array(value) for value in samples.values()]
             return Points([time - shutter.frame for time in samples], arrays, True)
-        if samples:
-            warn_still(mesh.GetPrim(), log)
-    if topology_varies:
-        return Points([shutter.open], [_array(points_at_frame(mesh.GetPrim(), shutter))], varies)
+    if times or topology_varies:
+        points = _array(points_at_frame(mesh.GetPrim(), shutter))
+        if times:
+            warn_still(mesh.GetPrim(), points, not topology_varies, log)
+        return Points([shutter.open], [points], varies)
     return Points([shutter.open], [_array(get(attribute, shutter.code(shutter.open)))], varies)
 
 
@@ -80,14 +83,25 @@ def _with_velocities(
         return None
     base = moving_sample(times, shutter)
     held = prim.GetStage().GetInterpolationType() == Usd.InterpolationTypeHeld
-    if held or (topology_varies and changes_topology(prim, times, shutter)):
+    samples = unblocked(attribute, times, shutter)
+    changes = changes_topology if topology_varies else changes_count
+    if held or len(samples) < len(times) or changes(prim, samples, shutter):
         # Where velocities do not move it, the sample must not be joined with another.
         arrays = [_array(get(attribute, Usd.TimeCode(times[base])))] * len(times)
     else:
-        arrays = [_array(get(attribute, Usd.TimeCode(time))) for time in times]
+        arrays = [_array(value) for value in samples.values()]
     per_second = prim.GetStage().GetTimeCodesPerSecond()
     relative = [time - shutter.frame for time in times]
     return Points(relative, arrays, True, speeds, bends, per_second)
+
+
+def unblocked(attribute: Usd.Attribute, times: list[float], shutter: Shutter) -> dict:
+    """Values by time, of those of `times` that no block is between them and the frame."""
+    samples = {time: get(attribute, Usd.TimeCode(time)) for time in times}
+    known = [time - shutter.frame for time, value in samples.items() if value is not None]
+    blocks = [time - shutter.frame for time, value in samples.items() if value is None]
+    kept = between_blocks(known, blocks)
+    return {time: value for time, value in samples.items() if time - shutter.frame in kept}
 
 
 def _rates(attribute: Usd.Attribute, shutter: Shutter, log: SceneLog) -> Samples:

@@ -3,7 +3,6 @@
 Nothing is checked here but that they hold numbers: the renderer checks counts and indices.
 """
 
-import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
@@ -11,7 +10,7 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom
 
 from .log import SceneLog
-from .shutter import Shutter, bracketing_samples
+from .shutter import Shutter, between_blocks, bracketing_samples
 from .typed import Mistyped, get
 
 SHAPING = ("normals", "widths")
@@ -214,7 +213,8 @@ def _read(prim, name: str, authored: _Authored, shutter: Shutter, log) -> Primva
         if name in TYPES and values.dtype.kind in "iu":
             values = values.astype(np.float32)
         samples.append(Sample(time, values, indices))
-    samples = _between_blocks(samples, blocks)
+    kept = between_blocks([sample.time for sample in samples], blocks)
+    samples = [sample for sample in samples if sample.time in kept]
     if not any(sample.values.size for sample in samples):
         return None  # blocked, or authored but empty: as if not authored
     return Primvar(
@@ -239,18 +239,6 @@ def _typed(attribute: Usd.Attribute, code: Usd.TimeCode, expected: Sdf.ValueType
         except Mistyped:
             pass
         raise
-
-
-def _between_blocks(samples: list[Sample], blocks: list[float]) -> list[Sample]:
-    """Samples without a block (None) between them and the frame; none where that is blocked.
-
-    USD holds the sample before a block up to it, and has no value from there to the next sample.
-    """
-    start = max((time for time in blocks if time <= 0.0), default=-math.inf)
-    end = min((time for time in blocks if time > 0.0), default=math.inf)
-    kept = [sample for sample in samples if start < sample.time < end]
-    is_blocked = math.isfinite(start) and not any(sample.time <= 0.0 for sample in kept)
-    return [] if is_blocked else kept
 
 
 def _numbers(value, type_name: Sdf.ValueTypeName) -> np.ndarray | None:

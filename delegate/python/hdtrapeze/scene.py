@@ -28,7 +28,7 @@ from .shutter import Shutter
 from .skel import Skinning
 from .subsets import warn_of_unused
 from .transforms import Level, TransformReader
-from .typed import get_or_fallback, get_or_ignore, token
+from .typed import get_or_fallback, get_or_ignore, might_vary, token
 
 VISIBILITIES = ("inherited", "invisible")
 PURPOSES = ("default", "render", "proxy", "guide")
@@ -382,6 +382,8 @@ class SceneSync:
                 count, known = point.arrays.count, len(targets)
                 text = f"{count} of {count} protoIndices point at none of its {known} prototypes"
                 self._log.warn(path, "topology", f"{text}; it is not rendered")
+        if not len(used):
+            self.has_hidden = True
         names = frozenset(instance_primvars(prim, self._primvar_names))
         for number in used:
             target = targets[number]
@@ -550,8 +552,8 @@ class SceneSync:
             sent.double_sided = double_sided
         # What is never read again need not be kept.
         keep = shape.varies or self._skinning.of(prim)
+        sent.shape_varies = shape.varies or might_vary(attribute)
         sent.shape = shape if keep else None
-        sent.shape_varies = shape.varies
         return sent
 
 

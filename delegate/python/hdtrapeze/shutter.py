@@ -5,6 +5,7 @@ default time (no frame) nothing moves.
 """
 
 import bisect
+import math
 from dataclasses import dataclass
 
 from pxr import Usd
@@ -70,6 +71,20 @@ def bracketing_samples(attribute: Usd.Attribute, shutter: Shutter) -> list[float
     high = bisect.bisect_right(samples, last[1])
     found = samples[low:high]
     return found if len(found) > 1 else None
+
+
+def between_blocks(times: list[float], blocks: list[float]) -> list[float]:
+    """Those of `times` with no block between them and the frame, which is at 0; none where the
+    frame is blocked.
+
+    USD holds the sample before a block up to it, and has no value from there to the next sample.
+    `blocks` are times of samples without a value; `times` of those with one.
+    """
+    start = max((time for time in blocks if time <= 0.0), default=-math.inf)
+    end = min((time for time in blocks if time > 0.0), default=math.inf)
+    kept = [time for time in times if start < time < end]
+    is_blocked = math.isfinite(start) and not any(time <= 0.0 for time in kept)
+    return [] if is_blocked else kept
 
 
 def samples_around(attribute: Usd.Attribute, shutter: Shutter) -> list[float]:

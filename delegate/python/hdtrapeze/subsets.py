@@ -10,7 +10,7 @@ from pxr import Usd, UsdGeom
 
 from .guard import FAULTS, warn_unreadable
 from .log import SceneLog
-from .typed import get, token
+from .typed import get, might_vary, token
 
 ELEMENTS = {
     "face": "FACE",
@@ -51,18 +51,18 @@ def read_subsets(prim: Usd.Prim, time: Usd.TimeCode, log: SceneLog) -> tuple[lis
             family = get(subset.GetFamilyNameAttr(), Usd.TimeCode.Default()) or ""
             if family not in families:
                 families[family] = _family_type(prim, family, log)
-            indices = subset.GetIndicesAttr()
+            indices, element = subset.GetIndicesAttr(), subset.GetElementTypeAttr()
             value = get(indices, time)
             subsets.append(
                 Subset(
                     str(child.GetPath()),
                     family,
                     families[family],
-                    token(subset.GetElementTypeAttr(), ELEMENTS, time, log),
+                    token(element, ELEMENTS, time, log),
                     np.array([] if value is None else value, dtype=np.int32),
                 )
             )
-            varies |= indices.ValueMightBeTimeVarying()
+            varies |= might_vary(indices, element)
         except FAULTS as error:
             warn_unreadable(log, child.GetPath(), error, "this subset is ignored")
     return subsets, varies

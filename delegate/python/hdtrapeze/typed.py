@@ -183,3 +183,11 @@ def _authored_type(attribute, time: Usd.TimeCode, value) -> Sdf.ValueTypeName:
     if isinstance(value, str):
         return attribute.GetTypeName()
     return Sdf.GetValueTypeNameForValue(value)
+
+
+def might_vary(*attributes: Usd.Attribute) -> bool:
+    """Whether one of them may have another value at another frame.
+
+    Uniform ones as well: USD gives the value of the frame where they have time samples.
+    """
+    return any(attribute.ValueMightBeTimeVarying() for attribute in attributes)

@@ -21,11 +21,17 @@ _TOPOLOGY = (
 )
 
 
-def changes_topology(prim: Usd.Prim, samples: list[float], shutter: Shutter) -> bool:
-    """Whether points or topology at any of `samples` do not belong to those of the frame."""
+def changes_count(prim: Usd.Prim, samples: dict, shutter: Shutter) -> bool:
+    """Whether one of the points' `samples`, values by time, has another number than the frame's."""
     points = UsdGeom.PointBased(prim).GetPointsAttr()
-    count = len(_at_frame(points, shutter))
-    if any(len(get(points, time) or ()) != count for time in samples):
+    held = _before(points, shutter.frame)
+    frames = samples[held] if held in samples else _at_frame(points, shutter)
+    return any(len(value) != len(frames) for value in samples.values())
+
+
+def changes_topology(prim: Usd.Prim, samples: dict, shutter: Shutter) -> bool:
+    """Whether points or topology at any of `samples` do not belong to those of the frame."""
+    if changes_count(prim, samples, shutter):
         return True
     for name in _TOPOLOGY:
         attribute = prim.GetAttribute(name)
@@ -44,15 +50,24 @@ def points_at_frame(prim: Usd.Prim, shutter: Shutter) -> np.ndarray | None:
     if shutter.frame is None:
         return get(points, shutter.time)
     around = points.GetBracketingTimeSamples(shutter.frame)
-    if len(around) == 2 and changes_topology(prim, list(around), shutter):
+    values = {time: get(points, time) or () for time in around}
+    if len(around) == 2 and changes_topology(prim, values, shutter):
         return _at_frame(points, shutter)
     return get(points, shutter.time)
 
 
-def warn_still(prim: Usd.Prim, log: SceneLog) -> None:
-    """That there is no blur."""
+def warn_still(prim: Usd.Prim, points: np.ndarray, only_count: bool, log: SceneLog) -> None:
+    """That there is no blur; not where too few points for anything to be rendered say it all.
+
+    `only_count` says that no more than the number of points changes.
+    """
+    indices = prim.GetAttribute("faceVertexIndices")
+    used = indices and get(indices, Usd.TimeCode.EarliestTime())
+    if not len(points) or (only_count and used and max(used) >= len(points)):
+        return
+    what = "number of points" if only_count else "topology"
     text = (
-        "its topology changes within the shutter and it has no velocities that fit: "
+        f"its {what} changes within the shutter and it has no velocities that fit: "
         "its points do not move"
     )
     log.warn(prim.GetPath(), "varying-topology", text)
