@@ -4,6 +4,8 @@
 """
 
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -58,6 +60,25 @@ def test_into_a_file(tmp_path, capsys):
     assert [path.name for path in tmp_path.iterdir()] == ["scene.txt"]
     assert main(["dump", str(DUMPS / "mesh.usda"), "-o", str(tmp_path / "no/scene.txt")]) == 3
     assert "error: " in capsys.readouterr().err
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is full")
+def test_a_full_disk():
+    command = [sys.executable, "-m", "hdtrapeze", "dump", "-q", str(DUMPS / "mesh.usda")]
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True)
+    assert done.returncode == 3
+    assert done.stderr == "error: The text cannot be written: No space left on device.\n"
+
+
+@pytest.mark.parametrize("flags", [["--sampels", "4"], ["--samples", "many"], ["--samples", "0"]])
+def test_usage_errors_point_to_the_help(capsys, flags):
+    try:
+        code = main(["dump", str(DUMPS / "mesh.usda"), *flags])
+    except SystemExit as end:
+        code = end.code
+    assert code == 2
+    assert capsys.readouterr().err.endswith("See `hdtrapeze dump --help`.\n")
 
 
 def test_wrong_commands(capsys, tmp_path):

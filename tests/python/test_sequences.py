@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hdtrapeze import Options, Renderer
 from pxr import Sdf, Usd
-from scenes import add_camera, new_stage
+from scenes import add_camera
 
 GRID = """
     int[] faceVertexCounts = [4, 4, 4, 4]
@@ -67,9 +67,7 @@ ORIENTATION = words("orientation", "rightHanded", "leftHanded")
 DOUBLE_SIDED = "uniform bool doubleSided.timeSamples = {1: 0, 2: 1}"
 AXIS = words("axis", "X", "Y")
 FORM = words("primvars:trapeze:curves", "ribbons", "tubes")
-HALF_TURN = (
-    'double xformOp:rotateY = 180\nuniform token[] xformOpOrder = ["xformOp:rotateY"]\n'
-)
+HALF_TURN = 'double xformOp:rotateY = 180\nuniform token[] xformOpOrder = ["xformOp:rotateY"]\n'
 
 PRIMS = {
     "scheme": ("Mesh", GRID + SCHEME),

@@ -153,12 +153,12 @@ def test_several_cameras_are_one_warning(scene, capsys):
 @pytest.mark.parametrize(
     ("attribute", "value", "words"),
     [
-        ("resolution", Gf.Vec2i(0, 20), "(0, 20)"),
+        ("resolution", Gf.Vec2i(0, 20), "(2048, 1080) is used"),
         ("resolution", Gf.Vec2i(20, 1 << 20), "65536"),
         ("pixelAspectRatio", -1.0, "from 0.001 to 1000"),
         ("pixelAspectRatio", 1e30, "from 0.001 to 1000"),
-        ("aspectRatioConformPolicy", "stretch", "adjustPixelAspectRatio"),
-        ("dataWindowNDC", Gf.Vec4f(0.5, 0, 0.5, 1), "xmin < xmax"),
+        ("aspectRatioConformPolicy", "stretch", "adjustPixelAspectRatio; 'expandAperture' is used"),
+        ("dataWindowNDC", Gf.Vec4f(0.5, 0, 0.5, 1), "xmin < xmax and ymin < ymax; (0, 0, 1, 1) is"),
         ("includedPurposes", ["render", "everything"], "is [render, everything], which"),
         ("dataWindowNDC", Gf.Vec4f(float("nan"), 0, 1, 1), "is (nan, 0, 1, 1), which"),
         ("renderingColorSpace", "lin_ap1_scene", "linear Rec. 709"),
@@ -169,6 +169,26 @@ def test_values_that_cannot_be_fall_back(scene, capsys, attribute, value, words)
     assert scene.run("-w", 40, "--no-products") == 0
     one(capsys, "/Render/settings", words)
     np.testing.assert_array_equal(read_png(scene.path("own.png"))[..., 3] / 255.0, FULL)
+
+
+def test_a_products_values_that_cannot_be_are_the_settings(scene, capsys):
+    scene.settings.CreateDataWindowNDCAttr(Gf.Vec4f(0, 0, 0.5, 1))
+    scene.product("shot", dataWindowNDC=Gf.Vec4f(0.5, 0, 0.5, 1), resolution=Gf.Vec2i(40, 40))
+    assert scene.run("-w", 40) == 0
+    one(capsys, "/Render/shot", "dataWindowNDC is (0.5, 0, 0.5, 1)", "the render settings' is used")
+    assert exr_header(scene.path("shot.exr"))["dataWindow"] == (0, 0, 19, 39)
+
+
+def test_own_settings_that_cannot_be(scene, capsys):
+    prim = scene.settings.GetPrim()
+    samples = prim.CreateAttribute("trapeze:samples", Sdf.ValueTypeNames.Float)
+    samples.Set(4.0)
+    assert scene.run("-w", 40, "--no-products") == 0
+    words = "trapeze:samples is 4, which cannot be: it must be a whole number, and is of the type"
+    one(capsys, "/Render/settings", f"{words} float; 64 is used")
+    samples.Block()
+    assert scene.run("-w", 40, "--no-products") == 0
+    assert warnings(capsys) == []
 
 
 def test_attributes_of_other_types(scene, capsys):

@@ -26,9 +26,9 @@ def main(arguments: list[str] | None = None) -> int:
     except errors.HdTrapezeError as error:
         print(f"error: {error}", file=sys.stderr)
         if isinstance(error, errors.UsageError):
-            from .flags import SEE_HELP
+            from .flags import see_help
 
-            print(SEE_HELP, file=sys.stderr)
+            print(see_help(arguments), file=sys.stderr)
         return error.exit_code
     except BrokenPipeError:  # the reader of stdout has gone
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

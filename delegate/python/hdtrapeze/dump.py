@@ -12,6 +12,8 @@ from pathlib import Path
 from .errors import OutputError
 from .frames import expand_frame, parse_frames
 from .log import SceneLog
+from .options import Options
+from .outputs import Output
 from .plan import Render, plan_renders
 from .render import Renderer
 from .request import Request, check_flags, make_request
@@ -58,27 +60,67 @@ def _request(request: Request) -> str:
 
 
 def _products(renders: list[Render], frame: float | None, session: Session) -> str:
-    """Render products that a command would write: their files, cameras, sizes and vars."""
+    """Render products that a command would write: files, cameras, images, effects and vars."""
     lines = []
-    entries = ((r, output) for r in renders for output in r.outputs if output.product)
+    entries = [(r, output) for r in renders for output in r.outputs if output.product]
+    writers: dict[str, str] = {}
+    for _, output in entries:
+        writers.setdefault(_place(output, frame), output.owner)
     for render, output in sorted(entries, key=lambda entry: entry[1].owner):
         options = render.options
         height = "by the camera" if options.height is None else options.height
         lines += [
             f"product {output.owner}",
-            f"  file {expand_frame(output.product.name_at(frame), frame) or 'none'}",
+            f"  file {_file(output, frame, writers)}",
             f"  camera {render.camera.GetPath() if render.camera else 'framing the bounds'}",
             f"  resolution {options.width} {height}, samples {options.samples}",
+            f"  window policy {options.window_policy}, pixel aspect {options.pixel_aspect:.6g}",
+            f"  data window {_window(options)}",
+            f"  motion blur {_switch(options.motion_blur)}, defocus {_switch(options.defocus)}",
         ]
         found = [f"{var.path}: {session.render_var_aov(var)}" for var in output.vars]
         lines += [f"  var {text}" for text in found or output.options.aovs]
     return "".join(f"{line}\n" for line in lines)
 
 
+def _place(output: Output, frame: float | None) -> str:
+    """What two names of one file share."""
+    return os.path.realpath(expand_frame(output.product.name_at(frame), frame))
+
+
+def _file(output: Output, frame: float | None, writers: dict[str, str]) -> str:
+    """The product's file; none where it has no name, or the first of `writers` has it."""
+    path = expand_frame(output.product.name_at(frame), frame)
+    writer = writers[_place(output, frame)]
+    if path and writer != output.owner:
+        return f"none: {path} is written by {writer}"
+    return path or "none"
+
+
+def _window(options: Options) -> str:
+    """In pixels, x0 y0 x1 y1; as authored where the camera gives the height."""
+    if options.height is None:
+        return "whole" if options.data_window_ndc is None else str(options.data_window_ndc)
+    window = options.data_window(options.width, options.height)
+    return " ".join(map(str, window)) if any(window) else "whole"
+
+
+def _switch(on: bool) -> str:
+    return "on" if on else "off"
+
+
 def _write(text: str, output: str | None) -> None:
     """To a file that appears whole, or to stdout."""
     if output is None:
-        sys.stdout.write(text)
+        try:
+            sys.stdout.write(text)
+            sys.stdout.flush()
+        except BrokenPipeError:
+            raise
+        except OSError as error:
+            # What is left would be tried again, and fail again, as the process ends.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            raise OutputError(f"The text cannot be written: {error.strerror}.") from None
         return
     path = Path(output)
     try:

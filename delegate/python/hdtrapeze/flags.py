@@ -39,11 +39,24 @@ itself is only ever a complete frame.
 """
 
 
-SEE_HELP = "See `hdtrapeze record --help`."
+COMMANDS = ("record", "dump")
+
+
+def see_help(arguments: list[str]) -> str:
+    """Where the flags of the command that these arguments begin are told."""
+    command = next((word for word in arguments if word in COMMANDS), COMMANDS[0])
+    return f"See `hdtrapeze {command} --help`."
 
 
 class _Parser(argparse.ArgumentParser):
-    """Names the flag that was probably meant."""
+    """Names the flag that was probably meant, and where to read on."""
+
+    _see_help = see_help([])
+
+    def parse_args(self, args=None, namespace=None):
+        """As argparse does."""
+        _Parser._see_help = see_help(sys.argv[1:] if args is None else args)
+        return super().parse_args(args, namespace)
 
     def error(self, message):
         hints = []
@@ -60,7 +73,7 @@ class _Parser(argparse.ArgumentParser):
             hints.append(text.replace("-2", "-2:0") if "frames" in found[1] else text)
         self.print_usage(sys.stderr)
         text = " ".join([message.rstrip(".") + ".", *hints]) if hints else message
-        self.exit(errors.EXIT_USAGE, f"error: {text}\n{SEE_HELP}\n")
+        self.exit(errors.EXIT_USAGE, f"error: {text}\n{self._see_help}\n")
 
     def _known_flags(self) -> list[str]:
         """Flags of this parser and of its commands."""

@@ -125,7 +125,10 @@ def purpose_values(settings: UsdRender.Settings, log: SceneLog) -> dict:
     def convert(value) -> dict:
         return {"purposes": [_word(purpose) for purpose in value if purpose != "default"]}
 
-    return _read(settings, {"includedPurposes": convert}, log, False)
+    attribute = settings.GetIncludedPurposesAttr()
+    if not attribute.HasAuthoredValue():
+        return {}
+    return _checked(attribute, convert, "default and proxy are rendered", log) or {}
 
 
 def check_unused(settings: UsdRender.Settings, log: SceneLog) -> None:
@@ -142,17 +145,25 @@ def check_unused(settings: UsdRender.Settings, log: SceneLog) -> None:
 
 def _read(prim: UsdRender.SettingsBase, readers: dict, log: SceneLog, fallbacks: bool) -> dict:
     values = {}
+    definition = prim.GetPrim().GetPrimDefinition()
     for name, convert in readers.items():
         attribute = prim.GetPrim().GetAttribute(name)
+        fallback = definition.GetAttributeFallbackValue(name)
         if attribute.HasAuthoredValue():
-            found = _checked(attribute, convert, log)
+            found = _checked(attribute, convert, _used(prim.GetPrim(), fallback), log)
             if found is not None:
                 values |= found
                 continue
         if fallbacks:
-            definition = prim.GetPrim().GetPrimDefinition()
-            values |= convert(definition.GetAttributeFallbackValue(name))
+            values |= convert(fallback)
     return values
+
+
+def _used(prim: Usd.Prim, fallback) -> str:
+    """What is used in place of a value that cannot be."""
+    if prim.IsA(UsdRender.Product):
+        return "the render settings' is used"
+    return f"{shown(fallback)} is used"
 
 
 def _trapeze_values(prim: Usd.Prim, log: SceneLog) -> dict:
@@ -162,16 +173,21 @@ def _trapeze_values(prim: Usd.Prim, log: SceneLog) -> dict:
         name = attribute.GetName().removeprefix("trapeze:")
         if isinstance(attribute, Usd.Attribute) and name in TRAPEZE:
             field, convert = TRAPEZE[name]
-            values |= _checked(attribute, lambda v, f=field, c=convert: {f: c(v)}, log) or {}
+            default = getattr(Options(), field)
+            used = "it is ignored" if default is None else _used(prim, default)
+            values |= _checked(attribute, lambda v, f=field, c=convert: {f: c(v)}, used, log) or {}
     return values
 
 
-def _checked(attribute: Usd.Attribute, convert: Callable, log: SceneLog) -> dict | None:
-    """What the attribute sets, or None with a warning."""
+def _checked(attribute: Usd.Attribute, convert: Callable, used: str, log: SceneLog) -> dict | None:
+    """What the attribute sets, None where it is blocked; or None with a warning, which says what
+    is `used`."""
     try:
         value = get(attribute, Usd.TimeCode.Default())
     except Mistyped as error:
-        log.warn(attribute.GetPrim().GetPath(), "type", f"{error}; ignored")
+        log.warn(attribute.GetPrim().GetPath(), "type", f"{error}; {used}")
+        return None
+    if value is None:
         return None
     try:
         found = convert(value)
@@ -181,7 +197,9 @@ def _checked(attribute: Usd.Attribute, convert: Callable, log: SceneLog) -> dict
         why = str(error)
     except FAULTS as error:
         why = reason(error)
+        if attribute.IsCustom():
+            why += f", and is of the type {attribute.GetTypeName()}"
     why = why[:1].lower() + why[1:].removesuffix(".")
-    text = f"{attribute.GetName()} is {shown(value)}, which cannot be: {why}; ignored"
+    text = f"{attribute.GetName()} is {shown(value)}, which cannot be: {why}; {used}"
     log.warn(attribute.GetPrim().GetPath(), "render-settings", text)
     return None

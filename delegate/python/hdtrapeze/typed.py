@@ -127,9 +127,7 @@ def _shown(value) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def up_to_block(
-    attribute: Usd.Attribute, time: Usd.TimeCode, frame: Usd.TimeCode
-) -> Usd.TimeCode:
+def up_to_block(attribute: Usd.Attribute, time: Usd.TimeCode, frame: Usd.TimeCode) -> Usd.TimeCode:
     """`time`, or the last sample on the way to it that no block is before; else `frame`."""
     if time == frame or not attribute.ValueMightBeTimeVarying():
         return time
