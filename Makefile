@@ -2,13 +2,15 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint format bench contact-sheet clean distclean
+.PHONY: help setup demo test lint format bench peers contact-sheet clean distclean
 
 PY := .venv/bin/python
 # Flags of `hdtrapeze record` for the demo: make demo DEMO_FLAGS="--samples 16"
 DEMO_FLAGS ?=
 # Flags of scripts/contact_sheet.py: make contact-sheet DIR=scenes SHEET_FLAGS="--width 480"
 SHEET_FLAGS ?=
+# Flags of the comparison with Embree, see make peers PEERS_FLAGS=--help
+PEERS_FLAGS ?=
 
 help: ## List the targets
 	@awk -F':.*## ' '/^[a-z-]+:.*## / { printf "  make %-13s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -33,6 +35,9 @@ format: ## Rewrite Rust, Python and C++ sources in the project's format
 
 bench: setup ## Run the benches; figures go to the terminal
 	@scripts/bench.sh
+
+peers: ## Our tracer beside Embree 3, where that is installed (apt-get install libembree3-3)
+	@cargo run --release --locked -p hdtrapeze-peers -- $(PEERS_FLAGS)
 
 contact-sheet: ## Render every USD file below DIR into one picture, out/contact_sheet.png
 	@scripts/setup.sh --tools

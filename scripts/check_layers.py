@@ -30,6 +30,7 @@ ALLOWED = {
     # Tests and examples across crates stand above everything.
     "hdtrapeze-tests": None,
     "hdtrapeze-examples": None,
+    "hdtrapeze-peers": None,
 }
 
 # Crates from outside that only some of ours may name.

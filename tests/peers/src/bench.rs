@@ -1,0 +1,383 @@
+//! One scene: builds, rays by each tracer, comparison, times.
+//!
+//! First every variant of Embree is built once and every way to call it tried on a part of the rays; then
+//! the best ones, Embree's grids, and ours are timed in turns. Nothing is timed for the report before all
+//! its answers were compared.
+
+use hdtrapeze_core::grid::DicedMesh;
+use hdtrapeze_core::trace::{Hit, Ray, TraceCounts, brute};
+
+use crate::batch::Call;
+use crate::clock::{Clock, forget_peak, free_memory, peak_memory};
+use crate::compare::{Judge, Tally};
+use crate::embree::{Embree, Refusal, Scene, Variant};
+use crate::load::{Group, Load, Way, built, calls, time_ours, time_peer, trace, ways};
+use crate::rays::{by_pixel, secondary};
+use crate::scenes::{Family, Indices, Shape, Vertices, frozen};
+use crate::table::best;
+use crate::trace_scenes::Rng;
+
+/// What to run.
+#[derive(Clone, Debug)]
+pub struct Options {
+    pub millions: f64,
+    pub image: [usize; 2],
+    pub samples: usize,
+    /// Rays that leave hits, about.
+    pub secondary: usize,
+    pub rounds: usize,
+    pub clock: Clock,
+    pub orders: Vec<&'static str>,
+    pub variants: Vec<Variant>,
+    /// Rays that brute force checks on a small scene.
+    pub checks: usize,
+    /// One of so many blocks of rays is tried first.
+    pub screen: usize,
+    /// Without Embree, also where it is installed.
+    pub alone: bool,
+}
+
+/// Rates of one tracer on one group: million rays a second, in each round.
+#[derive(Clone, Debug)]
+pub struct Traced {
+    pub how: String,
+    pub rates: Vec<f64>,
+}
+
+/// One tracer on one scene.
+#[derive(Clone, Debug, Default)]
+pub struct Tracer {
+    pub name: String,
+    /// Million micropolygons a second.
+    pub builds: Vec<f64>,
+    /// Bytes of the hierarchy a micropolygon.
+    pub bytes: f64,
+    /// The most while building, where known.
+    pub peak_bytes: f64,
+    /// Bytes of index buffers a micropolygon.
+    pub index_bytes: f64,
+    /// By [`Group`].
+    pub traced: [Option<Traced>; 3],
+    /// Why there is nothing.
+    pub refused: Option<String>,
+}
+
+impl Tracer {
+    /// The best rate on a group; 0 without.
+    pub fn rate(&self, group: Group) -> f64 {
+        let traced = self.traced[group as usize].as_ref();
+        traced.map_or(0.0, |t| best(&t.rates).max(0.0))
+    }
+}
+
+/// All that was found out about a scene.
+#[derive(Clone, Debug)]
+pub struct Report {
+    pub name: String,
+    pub family: Family,
+    pub moving: bool,
+    pub cells: f64,
+    pub hit_share: f64,
+    pub nodes: f64,
+    pub tested: f64,
+    pub ours: Tracer,
+    /// Those that were timed, in the order of the options.
+    pub peers: Vec<Tracer>,
+    /// All that were tried, once, on a part of the rays.
+    pub tried: Vec<Tracer>,
+    pub tallies: Vec<(Group, Tally)>,
+    /// The most memory of the process while building ours, and in all.
+    pub peaks: [u64; 2],
+}
+
+/// Checks a sample of our hits against brute force, on the same scene with fewer micropolygons.
+fn check_ours(family: Family, moving: bool, checks: usize) -> Result<(), String> {
+    let mesh = family.moving(0.01);
+    let mesh = if moving { mesh } else { frozen(&mesh, 0.5) };
+    let (_, world) = built(mesh);
+    let rays = family.lens().rays([64, 64], 4);
+    let mut rng = Rng(5);
+    for _ in 0..checks {
+        let ray = rays[rng.below(rays.len())];
+        let hit = world.trace(&ray, &mut TraceCounts::default());
+        brute::verify(&world, &ray, None, &hit)
+            .map_err(|e| format!("{}: brute force disagrees: {e}", family.name()))?;
+    }
+    Ok(())
+}
+
+/// Rates of a tracer of ours or of Embree's in one way; the best way on each group is kept.
+#[derive(Clone, Copy, Debug)]
+struct Tried<C> {
+    load: usize,
+    call: C,
+    rate: f64,
+}
+
+fn best_of<C: Copy>(tried: &[Tried<C>], loads: &[Load], group: Group) -> Option<Tried<C>> {
+    let of_group = tried.iter().filter(|t| loads[t.load].group == group);
+    of_group.max_by(|a, b| a.rate.total_cmp(&b.rate)).copied()
+}
+
+/// Memory that Embree may take: what is free but a GiB.
+fn limit() -> u64 {
+    free_memory().saturating_sub(1 << 30)
+}
+
+fn refusal(r: Refusal) -> String {
+    match r {
+        Refusal::Memory => "no memory".into(),
+        Refusal::Error(code) => format!("error {code}"),
+    }
+}
+
+fn describe(variant: Variant, scene: &Scene<'_>, indices: &Indices, cells: f64) -> Tracer {
+    Tracer {
+        name: variant.name(),
+        bytes: scene.bytes as f64 / cells,
+        peak_bytes: scene.peak_bytes as f64 / cells,
+        index_bytes: indices.bytes() as f64 / cells,
+        ..Tracer::default()
+    }
+}
+
+/// Runs one scene.
+///
+/// # Errors
+/// Answers are wrong, or differ more often than stated in [`crate::compare`].
+pub fn run(
+    family: Family,
+    moving: bool,
+    mesh: &DicedMesh,
+    options: &Options,
+    embree: Option<&Embree>,
+) -> Result<Report, String> {
+    let clock = options.clock;
+    let name = format!(
+        "{} {}",
+        family.name(),
+        if moving { "moving" } else { "static" }
+    );
+    check_ours(family, moving, options.checks)?;
+    let cells = mesh.cell_count() as f64;
+    let copy = mesh.clone();
+    forget_peak();
+    let ((object, world), seconds) = clock.time(|| built(copy));
+    let mut peaks = [peak_memory(), 0];
+    let mut ours = Tracer {
+        name: "ours".into(),
+        builds: vec![cells / seconds * 1e-6],
+        bytes: object.stats().bvh_bytes as f64 / cells,
+        ..Tracer::default()
+    };
+
+    let rays = family.lens().rays(options.image, options.samples);
+    let mut hits = vec![Hit::MISS; rays.len()];
+    let counts = trace(&world, &rays, Way::Packets, &mut hits);
+    let count = rays.len() as f64;
+    let hit_share = hits.iter().filter(|h| h.is_hit()).count() as f64 / count;
+    let leaving = secondary(object.mesh(), &rays, &hits, options.secondary);
+    let mut leaving_hits = vec![Hit::MISS; leaving.len()];
+    trace(&world, &leaving, Way::Packets, &mut leaving_hits);
+    let mut loads = Vec::new();
+    let mut load = |name, group, rays: &[Ray], hits: &[Hit]| {
+        if !rays.is_empty() {
+            let (rays, hits) = (rays.to_vec(), hits.to_vec());
+            loads.push(Load {
+                name,
+                group,
+                rays,
+                hits,
+            });
+        }
+    };
+    if options.orders.contains(&"tile") {
+        load("by tile", Group::Camera, &rays, &hits);
+    }
+    if options.orders.contains(&"pixel") {
+        let (rays, hits) = (
+            by_pixel(&rays, options.samples),
+            by_pixel(&hits, options.samples),
+        );
+        load("by pixel", Group::Camera, &rays, &hits);
+    }
+    load("", Group::Bounce, &leaving, &leaving_hits);
+    load("", Group::Shadow, &leaving, &leaving_hits);
+    drop((rays, hits, leaving, leaving_hits));
+    let parts: Vec<Load> = loads.iter().map(|l| l.part(options.screen)).collect();
+
+    // Ours, each way on a part. Processor time, so that the choice does not depend on what else runs.
+    let trial = Clock::Cpu;
+    let mut tried_ours = Vec::new();
+    for (i, load) in parts.iter().enumerate() {
+        for &way in ways(load.group) {
+            let mut rate = time_ours(&world, load, way, trial)?;
+            rate = rate.max(time_ours(&world, load, way, trial)?);
+            tried_ours.push(Tried {
+                load: i,
+                call: way,
+                rate,
+            });
+        }
+    }
+    let best_ours = Group::ALL.map(|group| best_of(&tried_ours, &loads, group));
+
+    // Embree, each variant and call on a part.
+    let judge = Judge::new(object.mesh(), world.radius());
+    let mut tallies: Vec<(Group, Tally)> = Group::ALL.map(|g| (g, Tally::default())).into();
+    let mut settle = |group: Group, tally: Tally, what: &str| {
+        let failure = tally.failure();
+        tallies[group as usize].1.add(tally);
+        failure.map_or(Ok(()), |f| Err(format!("{what}: {f}")))
+    };
+    let vertices = embree.map(|_| Vertices::new(object.mesh()));
+    let mut tried: Vec<Tracer> = Vec::new();
+    let mut tried_calls: Vec<(Variant, Vec<Tried<Call>>)> = Vec::new();
+    if let (Some(embree), Some(vertices)) = (embree, &vertices) {
+        let widths = embree.widths();
+        for &variant in &options.variants {
+            let indices = Indices::new(variant.shape, vertices);
+            let (scene, seconds) =
+                clock.time(|| embree.scene(variant, vertices, &indices, limit()));
+            let scene = match scene {
+                Ok(scene) => scene,
+                Err(r) => {
+                    let refused = Some(refusal(r));
+                    let name = variant.name();
+                    tried.push(Tracer {
+                        name,
+                        refused,
+                        ..Tracer::default()
+                    });
+                    continue;
+                }
+            };
+            let mut tracer = describe(variant, &scene, &indices, cells);
+            tracer.builds.push(cells / seconds * 1e-6);
+            let mut of_variant = Vec::new();
+            for (i, load) in parts.iter().enumerate() {
+                for call in calls(load.group, &widths) {
+                    let (first, tally) = time_peer(&scene, load, call, trial, Some(&judge));
+                    settle(
+                        load.group,
+                        tally,
+                        &format!("{name}, {} {call:?}", variant.name()),
+                    )?;
+                    let (second, _) = time_peer(&scene, load, call, trial, None);
+                    let rate = first.max(second);
+                    of_variant.push(Tried {
+                        load: i,
+                        call,
+                        rate,
+                    });
+                }
+            }
+            for group in Group::ALL {
+                tracer.traced[group as usize] =
+                    best_of(&of_variant, &loads, group).map(|t| Traced {
+                        how: format!("{} {}", t.call.name(), loads[t.load].name)
+                            .trim()
+                            .into(),
+                        rates: vec![t.rate],
+                    });
+            }
+            tried.push(tracer);
+            tried_calls.push((variant, of_variant));
+        }
+    }
+    drop(parts);
+
+    // The best on each group, and grids.
+    let mut kept: Vec<usize> = Vec::new();
+    for group in Group::ALL {
+        let rate = |i: &usize| best_of(&tried_calls[*i].1, &loads, group).map_or(0.0, |t| t.rate);
+        kept.extend((0..tried_calls.len()).max_by(|a, b| rate(a).total_cmp(&rate(b))));
+    }
+    kept.extend(tried_calls.iter().position(|(v, _)| v.shape == Shape::Grid));
+    kept.sort_unstable();
+    kept.dedup();
+
+    let indices: Vec<Indices> = match &vertices {
+        Some(vertices) => {
+            let of = |&i: &usize| Indices::new(tried_calls[i].0.shape, vertices);
+            kept.iter().map(of).collect()
+        }
+        None => Vec::new(),
+    };
+    let mut peers: Vec<Tracer> = Vec::new();
+    let mut scenes: Vec<Option<Scene<'_>>> = kept.iter().map(|_| None).collect();
+    for round in 0..options.rounds {
+        let copy = mesh.clone();
+        let (_, seconds) = clock.time(|| built(copy));
+        ours.builds.push(cells / seconds * 1e-6);
+        let (Some(embree), Some(vertices)) = (embree, &vertices) else {
+            continue;
+        };
+        for (k, &i) in kept.iter().enumerate() {
+            let variant = tried_calls[i].0;
+            scenes[k] = None;
+            let (scene, seconds) =
+                clock.time(|| embree.scene(variant, vertices, &indices[k], limit()));
+            let scene = scene.map_err(|r| format!("{name}, {}: {}", variant.name(), refusal(r)))?;
+            if round == 0 {
+                peers.push(describe(variant, &scene, &indices[k], cells));
+            }
+            peers[k].builds.push(cells / seconds * 1e-6);
+            scenes[k] = Some(scene);
+        }
+    }
+
+    // Rays, in turns.
+    for round in 0..options.rounds {
+        for group in Group::ALL {
+            if let Some(t) = best_ours[group as usize] {
+                let load = &loads[t.load];
+                let how = format!("{:?} {}", t.call, load.name).trim().to_lowercase();
+                let rate = time_ours(&world, load, t.call, clock)?;
+                note(&mut ours, group, how, rate);
+            }
+            for (k, &i) in kept.iter().enumerate() {
+                let (variant, calls) = &tried_calls[i];
+                let (Some(scene), Some(t)) = (&scenes[k], best_of(calls, &loads, group)) else {
+                    continue;
+                };
+                let load = &loads[t.load];
+                let how = format!("{} {}", t.call.name(), load.name)
+                    .trim()
+                    .to_string();
+                let check = (round == 0).then_some(&judge);
+                let (rate, tally) = time_peer(scene, load, t.call, clock, check);
+                if round == 0 {
+                    settle(group, tally, &format!("{name}, {} {how}", variant.name()))?;
+                }
+                note(&mut peers[k], group, how, rate);
+            }
+        }
+    }
+    peaks[1] = peak_memory();
+    Ok(Report {
+        name,
+        family,
+        moving,
+        cells,
+        hit_share,
+        nodes: counts.node_tests as f64 / count,
+        tested: counts.cell_tests as f64 / count,
+        ours,
+        peers,
+        tried,
+        tallies,
+        peaks,
+    })
+}
+
+fn note(tracer: &mut Tracer, group: Group, how: String, rate: f64) {
+    let none = || Traced {
+        how,
+        rates: Vec::new(),
+    };
+    tracer.traced[group as usize]
+        .get_or_insert_with(none)
+        .rates
+        .push(rate);
+}

@@ -1,0 +1,184 @@
+//! Rays to trace, and how long ours and Embree take to trace them.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+use hdtrapeze_core::bvh::ObjectGeometry;
+use hdtrapeze_core::grid::DicedMesh;
+use hdtrapeze_core::trace::{Hit, InstanceTransform, Ray, TraceCounts, World};
+use rayon::prelude::*;
+
+use crate::batch::{Batch, Call, Width};
+use crate::clock::Clock;
+use crate::compare::{Judge, Tally};
+use crate::embree::{CHUNK, Scene};
+use crate::trace_scenes::{instance, object};
+
+/// What is compared with each other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Group {
+    /// Nearest hits of a camera's rays, in the order that suits the tracer.
+    Camera,
+    /// Nearest hits of rays that leave surfaces.
+    Bounce,
+    /// Any hits of the same.
+    Shadow,
+}
+
+impl Group {
+    pub const ALL: [Group; 3] = [Group::Camera, Group::Bounce, Group::Shadow];
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Group::Camera => "camera",
+            Group::Bounce => "bounce, nearest",
+            Group::Shadow => "bounce, any",
+        }
+    }
+}
+
+/// Rays, with the answers that are expected.
+#[derive(Debug)]
+pub struct Load {
+    pub name: &'static str,
+    pub group: Group,
+    pub rays: Vec<Ray>,
+    /// Our nearest hits.
+    pub hits: Vec<Hit>,
+}
+
+/// One way to trace ours.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Way {
+    Packets,
+    Single,
+    /// Single, any hit.
+    Any,
+}
+
+/// Ours.
+pub fn ways(group: Group) -> &'static [Way] {
+    match group {
+        Group::Camera => &[Way::Packets],
+        Group::Bounce => &[Way::Packets, Way::Single],
+        Group::Shadow => &[Way::Any],
+    }
+}
+
+/// Embree's.
+pub fn calls(group: Group, widths: &[Width]) -> Vec<Call> {
+    let any = group == Group::Shadow;
+    let mut calls = Vec::new();
+    for &width in widths {
+        // Single rays do not look at the flag; streams of packets have no other use than it.
+        let coherent: &[bool] = match (group, width) {
+            (_, Width::One) => &[false],
+            (Group::Camera, _) => &[true, false],
+            (_, Width::Stream16) => continue,
+            _ => &[false],
+        };
+        calls.extend(coherent.iter().map(|&coherent| Call {
+            width,
+            coherent,
+            any,
+        }));
+    }
+    calls
+}
+
+impl Load {
+    /// One of `every` blocks of rays.
+    pub fn part(&self, every: usize) -> Load {
+        fn blocks<T: Copy>(of: &[T], every: usize) -> Vec<T> {
+            of.chunks(1024).step_by(every).flatten().copied().collect()
+        }
+        Load {
+            rays: blocks(&self.rays, every),
+            hits: blocks(&self.hits, every),
+            ..*self
+        }
+    }
+
+    /// Million rays a second, from seconds.
+    fn rate(&self, seconds: f64) -> f64 {
+        self.rays.len() as f64 / seconds * 1e-6
+    }
+}
+
+/// An object, and a world of it alone.
+pub fn built(mesh: DicedMesh) -> (Arc<ObjectGeometry>, World) {
+    let object = object(mesh);
+    let place = InstanceTransform::Translation(DVec3::ZERO);
+    let world = World::build(vec![instance(&object, place)], DVec3::ZERO);
+    (object, world)
+}
+
+/// Our hits, on all threads.
+pub fn trace(world: &World, rays: &[Ray], way: Way, hits: &mut [Hit]) -> TraceCounts {
+    let chunks = rays.par_chunks(CHUNK).zip(hits.par_chunks_mut(CHUNK));
+    let each = chunks.map(|(rays, hits)| {
+        let mut counts = TraceCounts::default();
+        match way {
+            Way::Packets => world.trace_many(rays, hits, &mut counts),
+            Way::Single => {
+                for (ray, hit) in rays.iter().zip(hits) {
+                    *hit = world.trace(ray, &mut counts);
+                }
+            }
+            Way::Any => {
+                for (ray, hit) in rays.iter().zip(hits) {
+                    // Only whether there is one is asked for.
+                    hit.instance = u32::from(!world.occluded(ray, &mut counts)) * Hit::NONE;
+                }
+            }
+        }
+        counts
+    });
+    each.reduce(TraceCounts::default, |a, b| a + b)
+}
+
+/// Times ours on a load, and checks that the answers are those that are compared with Embree's.
+pub fn time_ours(world: &World, load: &Load, way: Way, clock: Clock) -> Result<f64, String> {
+    let mut hits = vec![Hit::MISS; load.rays.len()];
+    let (_, seconds) = clock.time(|| trace(world, &load.rays, way, &mut hits));
+    let same = hits.iter().zip(&load.hits).all(|(a, b)| match way {
+        Way::Any => a.is_hit() == b.is_hit(),
+        _ => a == b,
+    });
+    if same {
+        Ok(load.rate(seconds))
+    } else {
+        Err(format!("ours, {}: {way:?} answers otherwise", load.name))
+    }
+}
+
+/// Times Embree on a load; `check` compares the answers.
+pub fn time_peer(
+    scene: &Scene<'_>,
+    load: &Load,
+    call: Call,
+    clock: Clock,
+    check: Option<&Judge<'_>>,
+) -> (f64, Tally) {
+    let mut batch = Batch::new(call.width, &load.rays);
+    let ((), seconds) = clock.time(|| scene.trace(&mut batch, call));
+    let mut tally = Tally::default();
+    if let Some(judge) = check {
+        let parts: Vec<Tally> = (0..load.rays.len())
+            .into_par_iter()
+            .fold(Tally::default, |mut tally, i| {
+                let (ray, hit) = (&load.rays[i], &load.hits[i]);
+                if call.any {
+                    judge.blocked(ray, hit, batch.occluded(i), &mut tally);
+                } else {
+                    judge.nearest(ray, hit, scene.answer(&batch, i), &mut tally);
+                }
+                tally
+            })
+            .collect();
+        for part in parts {
+            tally.add(part);
+        }
+    }
+    (load.rate(seconds), tally)
+}

@@ -1,0 +1,112 @@
+//! Rays of a camera with a lens and a shutter, in two orders, and rays that leave what they hit.
+
+use std::f32::consts::TAU;
+
+use glam::Vec3;
+use hdtrapeze_core::grid::{PlanarMesh, lerp_position, locate_key};
+use hdtrapeze_core::trace::{Hit, Ray};
+
+use crate::trace_scenes::{Rng, ray};
+
+/// A thin lens that looks from `eye` at `target`, in focus there.
+#[derive(Clone, Debug)]
+pub struct Lens {
+    eye: Vec3,
+    axes: [Vec3; 3],
+    focus: f32,
+    radius: f32,
+    half_width: f32,
+}
+
+/// Pixels of a tile: a packet is one stratum of them.
+const TILE: usize = 16;
+
+impl Lens {
+    pub fn new(eye: Vec3, target: Vec3, radius: f32, half_width: f32) -> Self {
+        let forward = (target - eye).normalize();
+        let right = forward.cross(Vec3::Y).normalize();
+        Lens {
+            eye,
+            axes: [right, right.cross(forward), forward],
+            focus: (target - eye).length(),
+            radius,
+            half_width,
+        }
+    }
+
+    /// Rays of an image; the samples of a pixel have a stratum of the shutter each. By tiles of 4x4
+    /// pixels, and in each by strata: 16 rays in a row are neighbours in space and time.
+    pub fn rays(&self, [width, height]: [usize; 2], samples: usize) -> Vec<Ray> {
+        let mut rng = Rng(42);
+        let [right, up, forward] = self.axes;
+        let scale = 2.0 * self.half_width * self.focus / width as f32;
+        let mut rays = Vec::with_capacity(width * height * samples);
+        for tile in 0..width / 4 * (height / 4) {
+            for stratum in 0..samples {
+                for pixel in 0..TILE {
+                    let x = (tile % (width / 4) * 4 + pixel % 4) as f32 + rng.unit();
+                    let y = (tile / (width / 4) * 4 + pixel / 4) as f32 + rng.unit();
+                    let time = (stratum as f32 + rng.unit()) / samples as f32;
+                    let (r, phi) = (rng.unit().sqrt() * self.radius, rng.unit() * TAU);
+                    let lens = right * (r * phi.cos()) + up * (r * phi.sin());
+                    let focus = right * ((x - width as f32 / 2.0) * scale)
+                        + up * ((y - height as f32 / 2.0) * scale)
+                        + forward * self.focus;
+                    rays.push(ray(self.eye + lens, (focus - lens).normalize(), time));
+                }
+            }
+        }
+        rays
+    }
+}
+
+/// Rays, or what belongs to each, with the samples of each pixel together.
+pub fn by_pixel<T: Copy>(of_rays: &[T], samples: usize) -> Vec<T> {
+    let mut out = Vec::with_capacity(of_rays.len());
+    for tile in of_rays.chunks_exact(TILE * samples) {
+        for pixel in 0..TILE {
+            out.extend((0..samples).map(|stratum| tile[stratum * TILE + pixel]));
+        }
+    }
+    out
+}
+
+/// One ray from each of about `count` hits, evenly chosen: into the cosine-weighted hemisphere on the side
+/// that the ray came from, at its time. A multiple of 16 of them.
+pub fn secondary(mesh: &PlanarMesh, rays: &[Ray], hits: &[Hit], count: usize) -> Vec<Ray> {
+    let mut rng = Rng(17);
+    let found = hits.iter().filter(|h| h.is_hit()).count();
+    let step = (found / count.max(1)).max(1);
+    let mut out = Vec::with_capacity(found / step + 1);
+    let hits = rays.iter().zip(hits).filter(|(_, hit)| hit.is_hit());
+    for (r, hit) in hits.step_by(step) {
+        let (normal, size) = normal_of(mesh, hit, r.time);
+        let normal = if normal.dot(r.dir) > 0.0 {
+            -normal
+        } else {
+            normal
+        };
+        // A point on the unit sphere about the normal's tip: cosine-weighted.
+        let dir = (normal + 0.999 * rng.direction()).normalize();
+        let point = r.origin + r.dir * hit.t + normal * (0.05 * size);
+        out.push(ray(point, dir, r.time));
+    }
+    out.truncate(out.len() / 16 * 16);
+    out
+}
+
+/// Unit normal, and size, of a micropolygon at a time.
+fn normal_of(mesh: &PlanarMesh, hit: &Hit, time: f32) -> (Vec3, f32) {
+    let g = hit.grid as usize;
+    let nu = usize::from(mesh.grids[g].nu);
+    let first = hit.cell as usize / nu * (nu + 1) + hit.cell as usize % nu;
+    let (key, f) = locate_key(&mesh.key_times, time);
+    let next = (key + 1).min(mesh.key_count() - 1);
+    let at = |i: usize| lerp_position(mesh.position(g, key, i), mesh.position(g, next, i), f);
+    let (a, b) = (
+        at(first + nu + 2) - at(first),
+        at(first + nu + 1) - at(first + 1),
+    );
+    let normal = a.cross(b);
+    (normal.normalize_or(Vec3::Z), normal.length().sqrt())
+}

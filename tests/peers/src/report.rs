@@ -1,0 +1,290 @@
+//! What was found out, as tables.
+
+use crate::bench::{Options, Report, Tracer};
+use crate::clock::Clock;
+use crate::embree::Embree;
+use crate::load::Group;
+use crate::table::{Table, best, number, rate};
+
+/// What ran on what.
+pub fn heading(embree: Option<&Embree>, options: &Options) -> String {
+    let peer = match embree {
+        Some(embree) => format!(
+            "Embree {} (not its robust mode; triangles are the same as ours)",
+            embree.version()
+        ),
+        None if options.alone => "Embree: left out".into(),
+        None => "Embree: not found (install libembree3-3)".into(),
+    };
+    let clock = match options.clock {
+        Clock::Wall => "the clock on the wall",
+        Clock::Cpu => "processor time",
+    };
+    let [width, height] = options.image;
+    format!(
+        "{peer}\n\n{} threads, {width}x{height} pixels of {} rays with lens and time, best of {} rounds \
+         (median in brackets) by {clock}.\n\n",
+        rayon::current_num_threads(),
+        options.samples,
+        options.rounds
+    )
+}
+
+/// A ratio, NaN where there is nothing to divide by.
+fn ratio(a: f64, b: f64) -> String {
+    if a > 0.0 && b > 0.0 {
+        number(a / b)
+    } else {
+        "-".into()
+    }
+}
+
+fn traced(tracer: Option<&Tracer>, group: Group) -> String {
+    let traced = tracer.and_then(|t| t.traced[group as usize].as_ref());
+    traced.map_or("-".into(), |t| rate(&t.rates))
+}
+
+fn how(tracer: Option<&Tracer>, group: Group) -> String {
+    let traced = tracer.and_then(|t| t.traced[group as usize].as_ref());
+    traced.map_or("-".into(), |t| t.how.clone())
+}
+
+fn fastest(report: &Report, group: Group) -> Option<&Tracer> {
+    report
+        .peers
+        .iter()
+        .max_by(|a, b| a.rate(group).total_cmp(&b.rate(group)))
+}
+
+fn grid(report: &Report) -> Option<&Tracer> {
+    report.peers.iter().find(|p| p.name == "GRID")
+}
+
+/// All tables, in Markdown.
+pub fn tables(reports: &[Report]) -> String {
+    let all = [
+        camera(reports),
+        builds(reports),
+        blur(reports),
+        leaving(reports),
+        tried(reports),
+        answers(reports),
+    ];
+    all.iter().map(Table::markdown).collect()
+}
+
+fn camera(reports: &[Report]) -> Table {
+    let mut table = Table::new(
+        "Camera rays",
+        "Million rays a second. Ratios are ours to Embree's. Static scenes are the moving ones, \
+         frozen at half the shutter. Nodes and micropolygons tested are ours, a ray.",
+        &[
+            "scene",
+            "M quads",
+            "hit",
+            "ours",
+            "order",
+            "best Embree",
+            "which",
+            "ratio",
+            "Embree GRID",
+            "ratio",
+            "nodes",
+            "tested",
+        ],
+    );
+    for r in reports {
+        let group = Group::Camera;
+        let (peer, grid) = (fastest(r, group), grid(r));
+        let over =
+            |peer: Option<&Tracer>| ratio(r.ours.rate(group), peer.map_or(0.0, |p| p.rate(group)));
+        let which = peer.map_or("-".into(), |p| format!("{} {}", p.name, how(peer, group)));
+        table.row(vec![
+            r.name.clone(),
+            number(r.cells * 1e-6),
+            number(r.hit_share),
+            traced(Some(&r.ours), group),
+            how(Some(&r.ours), group),
+            traced(peer, group),
+            which,
+            over(peer),
+            traced(grid, group),
+            over(grid),
+            number(r.nodes),
+            number(r.tested),
+        ]);
+    }
+    table
+}
+
+fn builds(reports: &[Report]) -> Table {
+    let mut table = Table::new(
+        "Builds and bytes",
+        "Million micropolygons a second, and bytes of the hierarchy a micropolygon, above positions and \
+         index buffers. Smallest: of all variants tried. Peaks: of the whole process, in GiB, while \
+         ours was built and by the end of the scene.",
+        &[
+            "scene",
+            "ours",
+            "Embree GRID",
+            "ratio",
+            "B/quad ours",
+            "GRID",
+            "ratio",
+            "smallest",
+            "which",
+            "ratio",
+            "peaks",
+        ],
+    );
+    for r in reports {
+        let grid = grid(r);
+        let built = grid.map_or(f64::NAN, |g| best(&g.builds));
+        let bytes = grid.map_or(f64::NAN, |g| g.bytes);
+        let small = r.tried.iter().filter(|t| t.refused.is_none());
+        let small = small.min_by(|a, b| a.bytes.total_cmp(&b.bytes));
+        let smallest = small.map_or(f64::NAN, |s| s.bytes);
+        let gib = r.peaks.map(|p| number(p as f64 / (1u64 << 30) as f64));
+        table.row(vec![
+            r.name.clone(),
+            rate(&r.ours.builds),
+            grid.map_or("-".into(), |g| rate(&g.builds)),
+            ratio(best(&r.ours.builds), built),
+            number(r.ours.bytes),
+            number(bytes),
+            ratio(r.ours.bytes, bytes),
+            number(smallest),
+            small.map_or("-".into(), |s| s.name.clone()),
+            ratio(r.ours.bytes, smallest),
+            gib.join(", "),
+        ]);
+    }
+    table
+}
+
+fn blur(reports: &[Report]) -> Table {
+    let mut table = Table::new(
+        "Blurred to sharp",
+        "Rate of camera rays on the moving scene divided by that of the same rays on the frozen one.",
+        &["scene", "ours", "best Embree", "Embree GRID"],
+    );
+    for moving in reports.iter().filter(|r| r.moving) {
+        let sharp = reports
+            .iter()
+            .find(|r| r.family == moving.family && !r.moving);
+        let Some(sharp) = sharp else { continue };
+        let rate = |t: Option<&Tracer>| t.map_or(0.0, |t| t.rate(Group::Camera));
+        let peer = |r| fastest(r, Group::Camera);
+        table.row(vec![
+            moving.family.name().into(),
+            ratio(rate(Some(&moving.ours)), rate(Some(&sharp.ours))),
+            ratio(rate(peer(moving)), rate(peer(sharp))),
+            ratio(rate(grid(moving)), rate(grid(sharp))),
+        ]);
+    }
+    table
+}
+
+fn leaving(reports: &[Report]) -> Table {
+    let mut table = Table::new(
+        "Rays that leave surfaces",
+        "Million rays a second: from camera hits, cosine-weighted, at the camera ray's time.",
+        &[
+            "scene",
+            "query",
+            "ours",
+            "how",
+            "best Embree",
+            "which",
+            "ratio",
+            "Embree GRID",
+            "ratio",
+        ],
+    );
+    for r in reports {
+        for group in [Group::Bounce, Group::Shadow] {
+            let (peer, grid) = (fastest(r, group), grid(r));
+            let over = |peer: Option<&Tracer>| {
+                ratio(r.ours.rate(group), peer.map_or(0.0, |p| p.rate(group)))
+            };
+            table.row(vec![
+                r.name.clone(),
+                group.name().into(),
+                traced(Some(&r.ours), group),
+                how(Some(&r.ours), group),
+                traced(peer, group),
+                peer.map_or("-".into(), |p| format!("{} {}", p.name, how(peer, group))),
+                over(peer),
+                traced(grid, group),
+                over(grid),
+            ]);
+        }
+    }
+    table
+}
+
+fn tried(reports: &[Report]) -> Table {
+    let mut table = Table::new(
+        "Every variant of Embree",
+        "Tried on a part of the rays, by processor time: the best call of each. Built once. Bytes a \
+         micropolygon: hierarchy, peak while building, index buffer.",
+        &[
+            "scene", "variant", "build", "bytes", "peak", "index", "camera", "call", "bounce",
+            "call", "any", "call",
+        ],
+    );
+    for r in reports {
+        for t in &r.tried {
+            let one = |group: Group| match t.traced[group as usize] {
+                Some(_) => number(t.rate(group)),
+                None => "-".into(),
+            };
+            table.row(vec![
+                r.name.clone(),
+                t.name.clone(),
+                t.refused.clone().unwrap_or_else(|| number(best(&t.builds))),
+                number(t.bytes),
+                number(t.peak_bytes),
+                number(t.index_bytes),
+                one(Group::Camera),
+                how(Some(t), Group::Camera),
+                one(Group::Bounce),
+                how(Some(t), Group::Bounce),
+                one(Group::Shadow),
+                how(Some(t), Group::Shadow),
+            ]);
+        }
+    }
+    table
+}
+
+fn answers(reports: &[Report]) -> Table {
+    let mut table = Table::new(
+        "Answers compared",
+        "Of all variants and calls together. Ties: another micropolygon at the same distance. Edges: \
+         different answers, the nearer one within the tolerance of an edge.",
+        &[
+            "scene",
+            "rays",
+            "compared",
+            "ties",
+            "edges",
+            "ours wrong",
+            "Embree wrong",
+        ],
+    );
+    for r in reports {
+        for (group, tally) in r.tallies.iter().filter(|(_, t)| t.rays > 0) {
+            table.row(vec![
+                r.name.clone(),
+                group.name().into(),
+                tally.rays.to_string(),
+                tally.ties.to_string(),
+                tally.edges.to_string(),
+                tally.ours_wrong.to_string(),
+                tally.peer_wrong.to_string(),
+            ]);
+        }
+    }
+    table
+}

@@ -1,0 +1,51 @@
+//! The small run checks every tracer that is installed, and prints its tables.
+
+use std::process::Command;
+
+/// Runs the bench, and gives the tables that it wrote, which are those it printed.
+fn tables(options: &[&str]) -> String {
+    let name = format!("peers-{}-{}.md", std::process::id(), options.len());
+    let file = std::env::temp_dir().join(name);
+    let output = Command::new(env!("CARGO_BIN_EXE_peers"))
+        .args(options)
+        .arg("--markdown")
+        .arg(&file)
+        .output()
+        .expect("the bench starts");
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{told}");
+    let written = std::fs::read_to_string(&file).expect("the tables");
+    let _ = std::fs::remove_file(&file);
+    assert_eq!(written, String::from_utf8_lossy(&output.stdout));
+    for text in [
+        "### Camera rays",
+        "sheet static",
+        "patches moving",
+        "fur moving",
+    ] {
+        assert!(written.contains(text), "{text} is missing:\n{written}");
+    }
+    written
+}
+
+#[test]
+fn the_small_run_agrees_with_what_is_installed() {
+    let text = tables(&["--quick"]);
+    let found = text.contains("### Answers compared") && text.contains("| GRID compact");
+    assert!(found || text.contains("Embree: not found"), "{text}");
+}
+
+#[test]
+fn ours_alone_has_tables_too() {
+    let text = tables(&["--quick", "--alone"]);
+    assert!(text.starts_with("Embree: left out"), "{text}");
+    assert!(!text.contains("### Every variant"), "{text}");
+}
+
+#[test]
+fn an_unknown_option_fails() {
+    let output = Command::new(env!("CARGO_BIN_EXE_peers"))
+        .arg("--bogus")
+        .output();
+    assert_eq!(output.expect("the bench starts").status.code(), Some(1));
+}
