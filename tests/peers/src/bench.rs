@@ -263,8 +263,12 @@ pub fn run(
                         tally,
                         &format!("{name}, {} {call:?}", variant.name()),
                     )?;
-                    let (second, _) = time_peer(&scene, load, call, trial, None);
-                    let rate = first.max(second);
+                    // Once more where it may be the best.
+                    let most = best_of(&of_variant, &loads, load.group).map_or(0.0, |t| t.rate);
+                    let mut rate = first;
+                    if first > 0.8 * most {
+                        rate = rate.max(time_peer(&scene, load, call, trial, None).0);
+                    }
                     of_variant.push(Tried {
                         load: i,
                         call,

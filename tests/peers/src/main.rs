@@ -73,7 +73,7 @@ fn arguments(mut args: impl Iterator<Item = String>) -> Result<Arguments, String
         orders: vec!["tile", "pixel"],
         variants: Vec::new(),
         checks: 100,
-        screen: 8,
+        screen: 16,
         alone: false,
     };
     let (mut families, mut markdown, mut largest) = (Family::ALL.to_vec(), None, false);
@@ -167,12 +167,8 @@ fn run(arguments: &Arguments) -> Result<(), String> {
                 still = frozen(&moving, 0.5);
                 &still
             };
-            eprintln!(
-                "{} {}",
-                family.name(),
-                if is_moving { "moving" } else { "static" }
-            );
             let report = bench::run(family, is_moving, mesh, &arguments.options, embree.as_ref())?;
+            eprintln!("{}", report::line(&report));
             reports.push(report);
         }
     }

@@ -60,6 +60,18 @@ fn grid(report: &Report) -> Option<&Tracer> {
     report.peers.iter().find(|p| p.name == "GRID")
 }
 
+/// One scene in a line, for those who wait.
+pub fn line(report: &Report) -> String {
+    let group = Group::Camera;
+    let peer = fastest(report, group);
+    format!(
+        "{}: camera {} Mrays/s, Embree {}",
+        report.name,
+        traced(Some(&report.ours), group),
+        traced(peer, group)
+    )
+}
+
 /// All tables, in Markdown.
 pub fn tables(reports: &[Report]) -> String {
     let all = [
