@@ -63,6 +63,10 @@ pub fn primvar(from: &AuthoredPrimvar<'_>) -> Result<(PrimvarDesc, usize), Error
     let desc = PrimvarDesc {
         interpolation: from.interpolation,
         role: from.role,
+        is_unsigned: from
+            .samples
+            .iter()
+            .any(|sample| matches!(sample.values, Numbers::U32(_) | Numbers::U64(_))),
         width: from.width,
         element_size: from.element_size,
         unauthored_index: from.unauthored_index,

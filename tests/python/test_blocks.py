@@ -195,3 +195,11 @@ def test_blocked_scales_hold_up_to_the_block():
     at_block = render(blocked, 1.5, **OPEN)
     assert at_block.warnings == []
     assert np.array_equal(at_block.alpha, render(instancer()).alpha)
+
+
+def test_ids_of_another_number_are_named():
+    stage = instancer(ids={0: [5, 6]}, invisibleIds={0: [1]})
+    image = render(stage)
+    one_warning(image, "/many", "2 ids for 3 instances; its instances are known by their numbers")
+    expected = quad_coverage(-2.5, -0.5, -1.5, 0.5) + quad_coverage(1.5, -0.5, 2.5, 0.5)
+    assert np.array_equal(image.alpha, expected)

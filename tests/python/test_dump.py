@@ -53,6 +53,18 @@ def test_frames_follow_each_other(capsys):
     assert dump(capsys, DUMPS / "motion.usda", "-d").startswith("default time\n")
 
 
+def test_whole_numbers_keep_their_sign(tmp_path, capsys):
+    numbers = "3000000000, 7"
+    for kind, text in (("uint[]", numbers), ("uint64[]", numbers), ("int[]", "-3, 7")):
+        scene = tmp_path / f"{kind}.usda"
+        scene.write_text(
+            '#usda 1.0\ndef Points "dots" {\n    point3f[] points = [(0, 0, 0), (1, 0, 0)]\n'
+            f'    {kind} primvars:number = [{text}] (interpolation = "vertex")\n}}\n'
+        )
+        found = dump(capsys, scene, "--aov", "primvars:number")
+        assert f"primvar number vertex 2: {text.replace(',', '')}\n" in found
+
+
 def test_into_a_file(tmp_path, capsys):
     out = tmp_path / "scene.txt"
     assert dump(capsys, DUMPS / "mesh.usda", "-o", out) == ""

@@ -1,7 +1,7 @@
 //! One prim of a dump.
 
 use super::instancer::write_part_of;
-use super::text::{Page, array, at, integers, number};
+use super::text::{Page, array, at, integers, number, whole_array};
 use super::{geometry, write_motion, write_transform, write_warnings};
 use crate::motion::Shutter;
 use crate::scene::{Interpolation, PrimCommon, PrimDesc, PrimvarDesc, PrimvarValues, Scene};
@@ -71,12 +71,15 @@ pub(super) fn write_resolved(page: &mut Page, name: &str, primvar: &Resolved) {
             .flat_map(|value| &value[key * lanes..][..lanes])
             .map(|&v| v.into())
             .collect();
-        let numbers = match primvar.is_integer {
-            true => numbers.as_chunks().0.iter().map(whole).collect(),
-            false => numbers,
-        };
         let time = at(primvar.key_times.len(), *time);
-        let text = array(&numbers, primvar.width);
+        let text = match primvar.is_integer {
+            true => {
+                let pairs = numbers.as_chunks().0.iter();
+                let whole: Vec<f64> = pairs.map(|pair| whole(pair, primvar.is_unsigned)).collect();
+                whole_array(&whole, primvar.width)
+            }
+            false => array(&numbers, primvar.width),
+        };
         page.line(&format!(
             "{}{time} {text}",
             title(name, primvar.interpolation)
@@ -87,23 +90,36 @@ pub(super) fn write_resolved(page: &mut Page, name: &str, primvar: &Resolved) {
     }
 }
 
-fn whole(&[upper, lower]: &[f64; 2]) -> f64 {
-    join([upper as f32, lower as f32]).into()
+fn whole(&[upper, lower]: &[f64; 2], is_unsigned: bool) -> f64 {
+    signed(join([upper as f32, lower as f32]), is_unsigned)
+}
+
+/// A whole number, of which unsigned ones have the bits only.
+fn signed(number: i32, is_unsigned: bool) -> f64 {
+    match is_unsigned {
+        true => number.cast_unsigned().into(),
+        false => number.into(),
+    }
 }
 
 /// A primvar as it was given.
 fn write_raw(page: &mut Page, name: &str, primvar: &PrimvarDesc) {
     let width = primvar.width * usize::try_from(primvar.element_size).unwrap_or(0);
     for sample in &primvar.samples {
-        let values: Vec<f64> = match &*sample.values {
-            PrimvarValues::Float(values) => values.iter().map(|&v| v.into()).collect(),
-            PrimvarValues::Int(values) => values.iter().map(|&v| v.into()).collect(),
+        let text = match &*sample.values {
+            PrimvarValues::Float(values) => {
+                let numbers: Vec<f64> = values.iter().map(|&v| v.into()).collect();
+                array(&numbers, width)
+            }
+            PrimvarValues::Int(values) => {
+                let numbers = values.iter().map(|&v| signed(v, primvar.is_unsigned));
+                whole_array(&numbers.collect::<Vec<f64>>(), width)
+            }
         };
         let time = match primvar.samples.len() {
             1 => String::new(),
             _ => format!(" at time code {}", number(sample.time)),
         };
-        let text = array(&values, width);
         page.line(&format!(
             "{}{time} {text}",
             title(name, primvar.interpolation)

@@ -80,11 +80,23 @@ fn join(values: &[f64], scale: f64) -> String {
 /// `width` numbers a value: `count: (x y z) (x y z)`. Long arrays show both ends, and the least, the
 /// largest and the mean of each component.
 pub(super) fn array(values: &[f64], width: usize) -> String {
+    array_of(values, width, join)
+}
+
+/// As [`array`], of whole numbers with all their digits.
+pub(super) fn whole_array(values: &[f64], width: usize) -> String {
+    array_of(values, width, |values, _| {
+        let each: Vec<String> = values.iter().map(|x| format!("{x:.0}")).collect();
+        each.join(" ")
+    })
+}
+
+fn array_of(values: &[f64], width: usize, print: fn(&[f64], f64) -> String) -> String {
     let width = width.max(1);
     let count = values.len() / width;
     let scale = largest(values);
     let value = |i: usize| {
-        let text = join(&values[i * width..(i + 1) * width], scale);
+        let text = print(&values[i * width..(i + 1) * width], scale);
         match width {
             1 => text,
             _ => format!("({text})"),
@@ -95,13 +107,12 @@ pub(super) fn array(values: &[f64], width: usize) -> String {
         return format!("{count}: {}", list(0..count)).trim_end().to_owned();
     }
     let component = |c: usize| values[c..].iter().step_by(width).copied();
-    let each = |f: &dyn Fn(usize) -> f64| {
-        let found: Vec<f64> = (0..width).map(f).collect();
-        join(&found, scale)
-    };
+    let each = |f: &dyn Fn(usize) -> f64| (0..width).map(f).collect::<Vec<f64>>();
     let least = each(&|c| component(c).fold(f64::INFINITY, f64::min));
     let most = each(&|c| component(c).fold(f64::NEG_INFINITY, f64::max));
     let mean = each(&|c| component(c).sum::<f64>() / count as f64);
+    let (least, most) = (print(&least, scale), print(&most, scale));
+    let mean = join(&mean, scale);
     format!(
         "{count}: {} ... {}, least {least}, most {most}, mean {mean}",
         list(0..ENDS),
@@ -112,7 +123,7 @@ pub(super) fn array(values: &[f64], width: usize) -> String {
 /// Integers, as [`array`].
 pub(super) fn integers<T: Copy + Into<i64>>(values: &[T]) -> String {
     let values: Vec<f64> = values.iter().map(|&v| v.into() as f64).collect();
-    array(&values, 1)
+    whole_array(&values, 1)
 }
 
 /// A matrix as USD prints it.

@@ -71,6 +71,8 @@ pub struct PrimvarDesc {
     pub interpolation: Interpolation,
     /// Role.
     pub role: PrimvarRole,
+    /// True where whole numbers are the bits of unsigned ones.
+    pub is_unsigned: bool,
     /// Numbers of the type: 3 of a colour, 16 of a matrix.
     pub width: usize,
     /// elementSize as authored: so many of the type are one value.
@@ -110,6 +112,7 @@ impl PrimvarDesc {
         Self {
             interpolation,
             role: PrimvarRole::None,
+            is_unsigned: false,
             width,
             element_size: 1,
             unauthored_index: -1,

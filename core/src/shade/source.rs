@@ -222,6 +222,7 @@ mod tests {
             interpolation: Interpolation::Uniform,
             role: PrimvarRole::None,
             is_integer,
+            is_unsigned: false,
             width,
             key_times: key_times.to_vec(),
             values: Vec::new(),

@@ -168,6 +168,10 @@ def _mask(
     masked = np.concatenate([np.asarray(ids, dtype=np.int64) for ids in masked])
     if not len(masked):
         return np.zeros(0, dtype=np.uint8)
+    if ids is not None and len(ids) != count:
+        text = f"{len(ids)} ids for {count} instances; {BY_INDEX}"
+        log.warn(instancer.GetPath(), "topology", text)
+        ids = None
     ids = np.arange(count) if ids is None else np.asarray(ids, dtype=np.int64)
     mask = ~np.isin(ids, masked)
     return np.zeros(0, dtype=np.uint8) if mask.all() else mask.astype(np.uint8)

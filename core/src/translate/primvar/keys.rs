@@ -31,7 +31,8 @@ pub(super) fn check(
     if let PrimvarValues::Float(floats) = &*sample.values
         && floats.iter().any(|x| !x.is_finite())
     {
-        return Err((Code::NotFinite, "has values that are not finite".to_owned()));
+        let text = "has values that are not finite as 32-bit numbers";
+        return Err((Code::NotFinite, text.to_owned()));
     }
     let unauthored = |i: i32| i >= 0 && i == primvar.unauthored_index;
     let outside = |&i: &i32| usize::try_from(i).map_or(true, |i| i >= values) && !unauthored(i);
@@ -93,6 +94,7 @@ pub(super) fn combine(
         },
         role: primvar.role,
         is_integer,
+        is_unsigned: primvar.is_unsigned,
         width,
         key_times: key_times.iter().map(|&t| t as f32).collect(),
         values: Vec::new(),

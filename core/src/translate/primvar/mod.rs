@@ -75,6 +75,8 @@ pub struct Resolved {
     pub role: PrimvarRole,
     /// True for whole numbers, which take two floats each and are never interpolated.
     pub is_integer: bool,
+    /// As in [`PrimvarDesc`].
+    pub is_unsigned: bool,
     /// Numbers a value at one key.
     pub width: usize,
     /// Key times in [0, 1], ascending from 0; `[0]` where nothing changes.
