@@ -665,3 +665,11 @@ def test_native_instances_that_no_memory_holds_are_counted_and_not_placed(stage)
             xform.GetPrim().GetReferences().AddInternalReference(f"/level{level - 1}")
             xform.GetPrim().SetInstanceable(level < 12)
     check(stage, "it places 100000000000 instances", "left out", path="/bad/part0", shown=False)
+
+
+def test_doubles_beyond_32_bits_are_said_to_be(stage):
+    prim = UsdGeom.Cube.Define(stage, "/bad").GetPrim()
+    primvar = UsdGeom.PrimvarsAPI(prim).CreatePrimvar("far", Sdf.ValueTypeNames.DoubleArray)
+    primvar.Set([1e300])
+    image = render(stage, aovs=["color", "primvars:far"])
+    one_warning(image, "/bad", "far has values that are not finite as 32-bit numbers")
