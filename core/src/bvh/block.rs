@@ -107,14 +107,58 @@ pub fn is_small(grid: &Grid) -> bool {
     usize::from(grid.nu) <= GROUP.0 && usize::from(grid.nv) <= GROUP.1
 }
 
-/// The one group of a small grid.
+/// True for a strip that may be cut into [loose groups](loose): twice as long as it is wide or more.
+pub fn is_strip(grid: &Grid) -> bool {
+    (grid.nu == 1 && grid.nv >= 4) || (grid.nv == 1 && grid.nu >= 4)
+}
+
+/// Micropolygons along a loose group of a strip.
+pub fn loose_length(grid: &Grid) -> u8 {
+    let _ = grid;
+    seg()
+}
+/// scratch
+pub fn seg() -> u8 {
+    static S: std::sync::OnceLock<u8> = std::sync::OnceLock::new();
+    *S.get_or_init(|| {
+        std::env::var("SEG")
+            .ok()
+            .and_then(|s| s.parse().ok())
+            .unwrap_or(2)
+    })
+}
+
+/// Number of loose groups of a grid: one, for a small grid.
+pub fn loose_count(grid: &Grid) -> u8 {
+    if is_small(grid) {
+        return 1;
+    }
+    (grid.nu.max(grid.nv) as u8).div_ceil(loose_length(grid))
+}
+
+/// A loose group of a grid.
 #[inline(always)]
-pub fn whole(grid: &Grid) -> CellRect {
-    CellRect {
-        i: 0,
-        j: 0,
-        w: grid.nu as u8,
-        h: grid.nv as u8,
+pub fn loose(grid: &Grid, slot: u32) -> CellRect {
+    let (w, h) = (grid.nu as u8, grid.nv as u8);
+    if is_small(grid) {
+        return CellRect { i: 0, j: 0, w, h };
+    }
+    let length = loose_length(grid);
+    let from = slot as u8 * length;
+    if h > 1 {
+        CellRect {
+            i: 0,
+            j: from,
+            w,
+            h: length.min(h - from),
+        }
+    } else {
+        CellRect {
+            i: from,
+            j: 0,
+            w: length.min(w - from),
+            h,
+        }
     }
 }
 

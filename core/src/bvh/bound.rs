@@ -9,7 +9,7 @@ use std::marker::PhantomData;
 use glam::Vec3;
 use hdtrapeze_simd::{Float, Kernel, Level, Mask, Simd};
 
-use super::block::{Block, CellRect, GROUPS, Span, whole};
+use super::block::{Block, CellRect, GROUPS, Span, loose, loose_count};
 use super::{Bounds8, COORDINATE_LIMIT, Frame, LinearBox, ROTATION_PAD};
 use crate::grid::PlanarMesh;
 
@@ -39,11 +39,14 @@ pub fn bound<B: Bounds8>(level: Level, mesh: &PlanarMesh, span: Span) -> Option<
     })
 }
 
-/// Axis-aligned bounds of a small grid. None where a vertex is not finite, or beyond
-/// [`COORDINATE_LIMIT`].
-pub fn bound_small(level: Level, mesh: &PlanarMesh, number: u32) -> Option<LinearBox> {
-    level.run(BoundSmall { mesh, number })
+/// Axis-aligned bounds of the [loose groups](loose) of a grid. None where a vertex is not finite, or
+/// beyond [`COORDINATE_LIMIT`].
+pub fn bound_loose(level: Level, mesh: &PlanarMesh, number: u32) -> Option<LooseBoxes> {
+    level.run(BoundLoose { mesh, number })
 }
+
+/// Bounds of as many groups as [`loose_count`] says.
+pub type LooseBoxes = [LinearBox; 16];
 
 struct Bound<'a, B> {
     mesh: &'a PlanarMesh,
@@ -96,30 +99,38 @@ impl<B: Bounds8> Kernel for Bound<'_, B> {
     }
 }
 
-struct BoundSmall<'a> {
+struct BoundLoose<'a> {
     mesh: &'a PlanarMesh,
     number: u32,
 }
 
-impl Kernel for BoundSmall<'_> {
-    type Output = Option<LinearBox>;
+impl Kernel for BoundLoose<'_> {
+    type Output = Option<LooseBoxes>;
 
     #[inline(always)]
-    fn run<S: Simd>(self, simd: S) -> Option<LinearBox> {
+    fn run<S: Simd>(self, simd: S) -> Option<LooseBoxes> {
         let Self { mesh, number } = self;
-        let rect = whole(&mesh.grids[number as usize]);
-        let span = Span {
-            grid: number,
-            rect,
-            group: [rect.w, rect.h],
-            columns: 1,
-            count: 1,
-        };
-        if !all_finite(simd, mesh, &span) {
-            return None;
+        let grid = &mesh.grids[number as usize];
+        let mut out = [LinearBox::EMPTY; 16];
+        for slot in 0..loose_count(grid) {
+            let rect = loose(grid, slot.into());
+            let span = Span {
+                grid: number,
+                rect,
+                group: [rect.w, rect.h],
+                columns: 1,
+                count: 1,
+            };
+            if !all_finite(simd, mesh, &span) {
+                return None;
+            }
+            let bounds = group_boxes(simd, mesh, &span, None)[0];
+            if !(bounds.is_finite() && bounds.max_abs() < COORDINATE_LIMIT) {
+                return None;
+            }
+            out[usize::from(slot)] = bounds;
         }
-        let bounds = group_boxes(simd, mesh, &span, None)[0];
-        (bounds.is_finite() && bounds.max_abs() < COORDINATE_LIMIT).then_some(bounds)
+        Some(out)
     }
 }
 

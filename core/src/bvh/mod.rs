@@ -28,6 +28,7 @@ pub mod block;
 pub mod bound;
 pub mod build;
 pub mod frame;
+pub mod gather;
 pub mod linear;
 pub mod node;
 pub mod object;
@@ -36,7 +37,7 @@ pub use build::Tree;
 pub use frame::Frame;
 pub use linear::LinearBox;
 pub use node::{Bounds8, LinearSlabs, Node, StaticSlabs, StoredBox};
-pub use object::{BvhStats, ObjectGeometry, SMALL_GRID};
+pub use object::{BvhStats, LOOSE, ObjectGeometry};
 
 /// Unit roundoff of f32: `|fl(x) - x| <= U |x|`.
 pub const U: f32 = 1.0 / (1 << 24) as f32;

@@ -2,18 +2,19 @@
 //!
 //! Shared by `Arc` between instances.
 
-use rayon::prelude::*;
-
-use hdtrapeze_simd::Level;
-
-use super::block::{self, Block, Span};
-use super::bound::{BuiltBlock, bound, bound_small};
-use super::build::{self, Tree};
+use super::block::Block;
+use super::build::{self, Item, Tree};
+use super::gather::{Part, gather};
 use super::{Bounds8, Frame, LinearBox, LinearSlabs, StaticSlabs};
 use crate::grid::{DicedMesh, PlanarMesh};
 
-/// Set in an item of the tree that is a small grid ([`block::is_small`]) rather than a block.
-pub const SMALL_GRID: u32 = 1 << 30;
+/// Set in an item of the tree that is a [loose group](super::block::loose) rather than a block; below it
+/// are the number of the grid and, in the last [`LOOSE_BITS`], that of the group.
+pub const LOOSE: u32 = 1 << 30;
+/// Bits of the number of a loose group in its grid.
+pub const LOOSE_BITS: u32 = 4;
+/// Most loose groups of a grid.
+pub const LOOSE_SLOTS: u32 = 1 << LOOSE_BITS;
 
 /// Tree and blocks of one object.
 #[derive(Clone, Debug)]
@@ -43,8 +44,8 @@ pub struct BvhStats {
     pub oriented_nodes: u64,
     /// Blocks.
     pub blocks: u64,
-    /// Grids that the tree refers to without a block.
-    pub small_grids: u64,
+    /// Groups that the tree refers to without a block.
+    pub loose_groups: u64,
     /// Blocks with a rotated frame.
     pub oriented_blocks: u64,
     /// Micropolygons.
@@ -65,7 +66,7 @@ impl BvhStats {
             nodes: self.nodes + o.nodes,
             oriented_nodes: self.oriented_nodes + o.oriented_nodes,
             blocks: self.blocks + o.blocks,
-            small_grids: self.small_grids + o.small_grids,
+            loose_groups: self.loose_groups + o.loose_groups,
             oriented_blocks: self.oriented_blocks + o.oriented_blocks,
             cells: self.cells + o.cells,
             dropped_grids: self.dropped_grids + o.dropped_grids,
@@ -89,37 +90,20 @@ impl ObjectGeometry {
     /// Builds the tree over a mesh, in parallel. Grids that cannot be traced (a vertex not finite, an
     /// index out of range) are left out and counted in [`BvhStats::dropped_grids`].
     pub fn new(mesh: DicedMesh) -> Self {
-        let mut spans: Vec<Span> = Vec::new();
-        let mut small: Vec<u32> = Vec::new();
-        let mut dropped: u64 = 0;
         let sound: Vec<bool> = (0..mesh.grids.len())
             .map(|g| mesh.is_usable() && mesh.is_sound(g))
             .collect();
         let mesh = PlanarMesh::from(mesh);
-        for (g, grid) in mesh.grids.iter().enumerate() {
-            if sound[g] {
-                if block::is_small(grid) && g < SMALL_GRID as usize {
-                    small.push(g as u32);
-                    continue;
-                }
-                for span in block::cut(g as u32, grid) {
-                    block::refine(&mesh, span, &mut spans);
-                }
-            } else {
-                dropped += 1;
-            }
-        }
         let mut stats = BvhStats {
             cells: mesh.cell_count() as u64,
             mesh_bytes: mesh.bytes() as u64,
-            dropped_grids: dropped,
             ..BvhStats::default()
         };
         let (blas, bounds, radius) = if mesh.is_moving() {
-            let (tree, bounds, radius) = build_blocks(&mesh, spans, &small, &mut stats);
+            let (tree, bounds, radius) = build_blocks(&mesh, &sound, &mut stats);
             (Blas::Moving(tree), bounds, radius)
         } else {
-            let (tree, bounds, radius) = build_blocks(&mesh, spans, &small, &mut stats);
+            let (tree, bounds, radius) = build_blocks(&mesh, &sound, &mut stats);
             (Blas::Static(tree), bounds, radius)
         };
         Self {
@@ -151,7 +135,7 @@ impl ObjectGeometry {
     }
     /// True when nothing can be hit.
     pub fn is_empty(&self) -> bool {
-        self.stats.blocks + self.stats.small_grids == 0
+        self.stats.blocks + self.stats.loose_groups == 0
     }
     /// Numbers about the tree.
     pub fn stats(&self) -> &BvhStats {
@@ -161,71 +145,57 @@ impl ObjectGeometry {
 
 fn build_blocks<B: Bounds8>(
     mesh: &PlanarMesh,
-    spans: Vec<Span>,
-    small: &[u32],
+    sound: &[bool],
     stats: &mut BvhStats,
 ) -> (BlockTree<B>, LinearBox, f32) {
-    let level = Level::best();
-    let built: Vec<Option<BuiltBlock<B>>> = spans
-        .par_iter()
-        .with_min_len(64)
-        .map(|&span| bound(level, mesh, span))
-        .collect();
-    // A grid is traced whole or not at all.
-    let mut bad: Vec<u32> = spans
-        .iter()
-        .zip(&built)
-        .filter(|(_, b)| b.is_none())
-        .map(|(s, _)| s.grid)
-        .collect();
-    bad.dedup();
-    stats.dropped_grids += bad.len() as u64;
-
-    let grids: Vec<Option<LinearBox>> = small
-        .par_iter()
-        .with_min_len(256)
-        .map(|&g| bound_small(level, mesh, g))
-        .collect();
-    stats.dropped_grids += grids.iter().filter(|b| b.is_none()).count() as u64;
-
-    let mut blocks = Vec::with_capacity(built.len());
-    let mut boxes = Vec::with_capacity(built.len() + grids.len());
+    let parts: Vec<Part<B>> = gather(mesh, sound);
+    let block_count = parts.iter().map(|p| p.blocks.len()).sum();
+    let loose_count: usize = parts.iter().map(|p| p.loose.len()).sum();
+    let mut blocks = Vec::with_capacity(block_count);
+    let mut items = Vec::with_capacity(block_count + loose_count);
     let mut frames: Vec<Frame> = vec![Frame::IDENTITY];
     let mut bounds = LinearBox::EMPTY;
     let mut radius: f32 = 0.0;
-    for b in built.into_iter().flatten() {
-        if bad.binary_search(&b.block.span.grid).is_ok() {
-            continue;
+    for part in parts {
+        stats.dropped_grids += part.dropped;
+        for b in part.blocks {
+            let mut block = b.block;
+            if let Some(frame) = b.frame {
+                block.frame = frames.len() as u32;
+                frames.push(frame);
+            }
+            items.push(Item {
+                bounds: b.aabb,
+                id: blocks.len() as u32,
+            });
+            blocks.push(block);
+            bounds = bounds.union(&b.aabb);
+            radius = radius.max(b.max_abs);
         }
-        let mut block = b.block;
-        if let Some(frame) = b.frame {
-            block.frame = frames.len() as u32;
-            frames.push(frame);
+        for item in part.loose {
+            bounds = bounds.union(&item.bounds);
+            items.push(item);
         }
-        boxes.push((blocks.len() as u32, b.aabb));
-        blocks.push(block);
-        bounds = bounds.union(&b.aabb);
-        radius = radius.max(b.max_abs);
     }
-    for (&g, b) in small.iter().zip(&grids) {
-        let Some(b) = b else { continue };
-        boxes.push((SMALL_GRID | g, *b));
-        bounds = bounds.union(b);
-        radius = radius.max(b.max_abs());
+    if !items.is_empty() {
+        radius = radius.max(bounds.max_abs());
     }
     stats.oriented_blocks = frames.len() as u64 - 1;
-    let is_empty = boxes.is_empty();
-    let mut tree: Tree<B> = build::build(boxes);
+    let kind = if std::env::var("FULL").is_ok() {
+        build::Nodes::Full
+    } else {
+        build::Nodes::Cheap
+    };
+    let mut tree: Tree<B> = build::build_items(items, kind);
     tree.frames = frames;
     // Oriented bounds, and bounds as packed, may reach farther than any vertex: they are part of the radius.
-    radius = radius.max(if is_empty { 0.0 } else { bounds.max_abs() });
     for node in &tree.nodes {
         radius = radius.max(node.bounds.max_abs());
     }
     stats.nodes = tree.nodes.len() as u64;
     stats.oriented_nodes = tree.nodes.iter().filter(|n| n.frame != 0).count() as u64;
     stats.blocks = blocks.len() as u64;
-    stats.small_grids = grids.iter().flatten().count() as u64;
+    stats.loose_groups = loose_count as u64;
     stats.bvh_bytes = (tree.bytes() + size_of_val(blocks.as_slice())) as u64;
     (BlockTree { tree, blocks }, bounds, radius)
 }

@@ -12,9 +12,9 @@ use super::cell::CellRay;
 use super::object_ray::ObjectRay;
 use super::sides::Side;
 use super::{Hit, TraceCounts};
-use crate::bvh::block::{CellRect, whole};
+use crate::bvh::block::{CellRect, loose};
 use crate::bvh::node::enter;
-use crate::bvh::object::{BlockTree, ObjectGeometry, SMALL_GRID};
+use crate::bvh::object::{BlockTree, LOOSE, LOOSE_BITS, LOOSE_SLOTS, ObjectGeometry};
 use crate::bvh::{Bounds8, Tree};
 use crate::grid::PlanarMesh;
 
@@ -252,37 +252,32 @@ impl<'a, S: Simd, B: Bounds8, const CULL: bool> Target<'a, S, B, CULL> {
         query: &mut Query,
         counts: &mut TraceCounts,
     ) {
-        let mut reference = item;
-        let mut mask = 1;
-        let mut near = [f32::NEG_INFINITY; 8];
-        let mut span = None;
-        if item & SMALL_GRID == 0 {
-            let block = &self.blocks.blocks[item as usize];
-            counts.node_tests += 1;
-            let turned;
-            let slab = if block.frame == 0 {
-                &ray.slab
-            } else {
-                turned = ray.turned(&self.blocks.tree.frames[block.frame as usize]);
-                &turned
-            };
-            let valid = (1u32 << block.span.count) - 1;
-            let (t_min, t_max) = (query.t_min, query.best.t);
-            (mask, near) = enter(self.simd, &block.bounds, valid, slab, t_min, t_max);
-            reference = block.span.grid;
-            span = Some(&block.span);
+        if item & LOOSE != 0 {
+            let (grid, slot) = ((item & !LOOSE) >> LOOSE_BITS, item & (LOOSE_SLOTS - 1));
+            let rect = loose(&self.mesh.grids[grid as usize], slot);
+            self.group(grid, rect, cells, query, counts);
+            return;
         }
-        let grid = reference & !SMALL_GRID;
+        let block = &self.blocks.blocks[item as usize];
+        counts.node_tests += 1;
+        let turned;
+        let slab = if block.frame == 0 {
+            &ray.slab
+        } else {
+            turned = ray.turned(&self.blocks.tree.frames[block.frame as usize]);
+            &turned
+        };
+        let valid = (1u32 << block.span.count) - 1;
+        let (t_min, t_max) = (query.t_min, query.best.t);
+        let (mut mask, near) = enter(self.simd, &block.bounds, valid, slab, t_min, t_max);
+        let grid = block.span.grid;
         while mask != 0 {
             let slot = nearest(mask, &near);
             mask &= !(1 << slot);
             if near[slot as usize] > query.best.t {
                 return;
             }
-            let rect = match span {
-                Some(span) => span.group_rect(slot),
-                None => whole(&self.mesh.grids[grid as usize]),
-            };
+            let rect = block.span.group_rect(slot);
             self.group(grid, rect, cells, query, counts);
             if query.done() {
                 return;

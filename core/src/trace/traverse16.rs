@@ -10,8 +10,8 @@ use super::cells16::test_group16;
 use super::packet::{CellRays, Entered16, LANES, Lanes, Packet, Rays, alone, enter16};
 use super::traverse::{Query, Stack, Target, slab_time};
 use super::{Hit, TraceCounts};
-use crate::bvh::block::{CellRect, whole};
-use crate::bvh::object::SMALL_GRID;
+use crate::bvh::block::{CellRect, loose};
+use crate::bvh::object::{LOOSE, LOOSE_BITS, LOOSE_SLOTS};
 use crate::bvh::{Bounds8, Tree};
 
 /// At most so many rays go on alone.
@@ -224,9 +224,9 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
         cells: &CellRays,
         queries: &mut Queries,
     ) {
-        if item & SMALL_GRID != 0 {
-            let grid = item & !SMALL_GRID;
-            let rect = whole(&self.mesh.grids[grid as usize]);
+        if item & LOOSE != 0 {
+            let (grid, slot) = ((item & !LOOSE) >> LOOSE_BITS, item & (LOOSE_SLOTS - 1));
+            let rect = loose(&self.mesh.grids[grid as usize], slot);
             self.group16(grid, rect, lanes, packet.rays, cells, queries);
             return;
         }
