@@ -9,9 +9,10 @@
 //! The result does not depend on the number of threads: parallel work only joins minima, maxima and
 //! counts, and subtrees are appended in child order.
 
-use glam::Vec3;
+use glam::Vec3A;
 use rayon::prelude::*;
 
+use super::sorted::{Hull, Sorted};
 use super::{Bounds8, Frame, LinearBox, Node};
 
 /// Bins on each axis.
@@ -72,7 +73,8 @@ pub enum Nodes {
 }
 
 /// Builds the tree over `items`, which are sorted in place.
-pub fn build_items<B: Bounds8>(mut items: Vec<Item>, kind: Nodes) -> Tree<B> {
+pub fn build_items<B: Bounds8>(items: Vec<Item>, kind: Nodes) -> Tree<B> {
+    let mut items: Vec<Sorted<B::Hull>> = items.iter().map(Sorted::of).collect();
     let mut nodes = Vec::new();
     let root = match items.len() {
         0 => Tree::<B>::EMPTY,
@@ -91,45 +93,43 @@ pub fn build_items<B: Bounds8>(mut items: Vec<Item>, kind: Nodes) -> Tree<B> {
 }
 
 /// A range of items that becomes a child.
-struct Range<'a> {
-    items: &'a mut [Item],
-    bounds: LinearBox,
+struct Range<'a, H> {
+    items: &'a mut [Sorted<H>],
+    bounds: H,
     area: f32,
 }
 
-impl<'a> Range<'a> {
-    fn new(items: &'a mut [Item]) -> Self {
+impl<'a, H: Hull> Range<'a, H> {
+    fn new(items: &'a mut [Sorted<H>]) -> Self {
         let bounds = if items.len() > PARALLEL_ITEMS {
             items
                 .par_chunks(PARALLEL_ITEMS)
                 .map(bounds_of)
-                .reduce(|| LinearBox::EMPTY, |a, b| a.union(&b))
+                .reduce(|| H::EMPTY, |a, b| a.union(&b))
         } else {
             bounds_of(items)
         };
         Self {
             items,
             bounds,
-            area: bounds.mean_half_area(),
+            area: bounds.area(),
         }
     }
 }
 
-fn bounds_of(items: &[Item]) -> LinearBox {
-    items
-        .iter()
-        .fold(LinearBox::EMPTY, |b, i| b.union(&i.bounds))
+fn bounds_of<H: Hull>(items: &[Sorted<H>]) -> H {
+    items.iter().fold(H::EMPTY, |b, i| b.union(&i.bounds))
 }
 
 /// Appends the node over `items` (two or more) and all below it; returns the node's number.
 fn build_node<B: Bounds8>(
     nodes: &mut Vec<Node<B>>,
-    items: &mut [Item],
+    items: &mut [Sorted<B::Hull>],
     kind: Nodes,
     depth: usize,
 ) -> u32 {
     let parallel = items.len() > PARALLEL_ITEMS;
-    let mut ranges: Vec<Range<'_>> = Vec::with_capacity(8);
+    let mut ranges: Vec<Range<'_, B::Hull>> = Vec::with_capacity(8);
     if items.len() <= 8 {
         ranges.extend(items.chunks_mut(1).map(Range::new));
     } else {
@@ -165,7 +165,7 @@ fn build_node<B: Bounds8>(
     }
 
     let index = nodes.len() as u32;
-    let boxes: Vec<LinearBox> = ranges.iter().map(|r| r.bounds).collect();
+    let boxes: Vec<LinearBox> = ranges.iter().map(|r| r.bounds.linear()).collect();
     nodes.push(Node {
         bounds: B::pack(&boxes),
         children: [0; 8],
@@ -207,7 +207,7 @@ fn build_node<B: Bounds8>(
 
 fn build_child<B: Bounds8>(
     nodes: &mut Vec<Node<B>>,
-    items: &mut [Item],
+    items: &mut [Sorted<B::Hull>],
     kind: Nodes,
     depth: usize,
 ) -> u32 {
@@ -218,7 +218,7 @@ fn build_child<B: Bounds8>(
 }
 
 /// Reorders the items and returns where the second half starts; both are never empty.
-fn split(items: &mut [Item], kind: Nodes, depth: usize) -> usize {
+fn split<H: Hull>(items: &mut [Sorted<H>], kind: Nodes, depth: usize) -> usize {
     let half = match kind {
         Nodes::Cheap => items.len() / 2,
         Nodes::Full => whole_nodes(items.len() / 2, items.len()),
@@ -253,8 +253,8 @@ fn whole_nodes(left: usize, count: usize) -> usize {
 }
 
 /// Splits 9 to [`FEW_ITEMS`] items near `at` (above `lo`), so that one side fills whole nodes.
-fn split_full(items: &mut [Item], axis: usize, lo: Vec3, at: f32) -> usize {
-    let centre = |item: &Item| item.bounds.centre4()[axis];
+fn split_full<H: Hull>(items: &mut [Sorted<H>], axis: usize, lo: Vec3A, at: f32) -> usize {
+    let centre = |item: &Sorted<H>| item.bounds.centre4()[axis];
     let left = items.iter().filter(|i| centre(i) - lo[axis] < at).count();
     let middle = whole_nodes(left, items.len());
     items.select_nth_unstable_by(middle, |a, b| {
@@ -264,7 +264,7 @@ fn split_full(items: &mut [Item], axis: usize, lo: Vec3, at: f32) -> usize {
 }
 
 /// Moves the items that satisfy `left` to the front, and returns their number.
-fn partition(items: &mut [Item], left: impl Fn(&Item) -> bool) -> usize {
+fn partition<H: Hull>(items: &mut [Sorted<H>], left: impl Fn(&Sorted<H>) -> bool) -> usize {
     let mut middle = 0;
     for i in 0..items.len() {
         if left(&items[i]) {
@@ -275,11 +275,11 @@ fn partition(items: &mut [Item], left: impl Fn(&Item) -> bool) -> usize {
     middle
 }
 
-fn centre_range(items: &[Item]) -> (Vec3, Vec3) {
-    let of = |items: &[Item]| {
+fn centre_range<H: Hull>(items: &[Sorted<H>]) -> (Vec3A, Vec3A) {
+    let of = |items: &[Sorted<H>]| {
         items.iter().fold(
-            (Vec3::INFINITY, Vec3::NEG_INFINITY),
-            |(lo, hi): (Vec3, Vec3), i| {
+            (Vec3A::INFINITY, Vec3A::NEG_INFINITY),
+            |(lo, hi): (Vec3A, Vec3A), i| {
                 let c = i.bounds.centre4();
                 (lo.min(c), hi.max(c))
             },
@@ -289,7 +289,7 @@ fn centre_range(items: &[Item]) -> (Vec3, Vec3) {
         return of(items);
     }
     items.par_chunks(PARALLEL_ITEMS).map(of).reduce(
-        || (Vec3::INFINITY, Vec3::NEG_INFINITY),
+        || (Vec3A::INFINITY, Vec3A::NEG_INFINITY),
         |a, b| (a.0.min(b.0), a.1.max(b.1)),
     )
 }
@@ -308,20 +308,23 @@ struct Plane {
 }
 
 #[derive(Clone, Copy)]
-struct Bin {
-    bounds: LinearBox,
+struct Bin<H> {
+    bounds: H,
     count: u32,
 }
 
-type Bins = [[Bin; BINS]; 3];
+type Bins<H> = [[Bin<H>; BINS]; 3];
 
-const NO_BINS: Bins = [[Bin {
-    bounds: LinearBox::EMPTY,
-    count: 0,
-}; BINS]; 3];
+fn no_bins<H: Hull>() -> Bins<H> {
+    let bin = Bin {
+        bounds: H::EMPTY,
+        count: 0,
+    };
+    [[bin; BINS]; 3]
+}
 
-fn fill_bins(items: &[Item], lo: Vec3, scale: Vec3) -> Bins {
-    let mut bins = NO_BINS;
+fn fill_bins<H: Hull>(items: &[Sorted<H>], lo: Vec3A, scale: Vec3A) -> Bins<H> {
+    let mut bins: Bins<H> = no_bins();
     for item in items {
         let c = item.bounds.centre4();
         for axis in 0..3 {
@@ -333,7 +336,7 @@ fn fill_bins(items: &[Item], lo: Vec3, scale: Vec3) -> Bins {
     bins
 }
 
-fn join_bins(mut a: Bins, b: Bins) -> Bins {
+fn join_bins<H: Hull>(mut a: Bins<H>, b: Bins<H>) -> Bins<H> {
     for (x, y) in a.iter_mut().flatten().zip(b.iter().flatten()) {
         x.bounds = x.bounds.union(&y.bounds);
         x.count += y.count;
@@ -342,9 +345,9 @@ fn join_bins(mut a: Bins, b: Bins) -> Bins {
 }
 
 /// The cheapest plane over all axes, or none where every centre is the same.
-fn best_plane(items: &[Item], lo: Vec3, hi: Vec3) -> Option<Plane> {
+fn best_plane<H: Hull>(items: &[Sorted<H>], lo: Vec3A, hi: Vec3A) -> Option<Plane> {
     // Not a division by an extent: an axis without extent gets one bin, and is passed over.
-    let scale = Vec3::from_array([0, 1, 2].map(|a| {
+    let scale = Vec3A::from_array([0, 1, 2].map(|a| {
         let s = BINS as f32 / (hi[a] - lo[a]);
         if s.is_finite() { s } else { 0.0 }
     }));
@@ -352,7 +355,7 @@ fn best_plane(items: &[Item], lo: Vec3, hi: Vec3) -> Option<Plane> {
         items
             .par_chunks(PARALLEL_ITEMS)
             .map(|chunk| fill_bins(chunk, lo, scale))
-            .reduce(|| NO_BINS, join_bins)
+            .reduce(no_bins, join_bins)
     } else {
         fill_bins(items, lo, scale)
     };
@@ -360,15 +363,15 @@ fn best_plane(items: &[Item], lo: Vec3, hi: Vec3) -> Option<Plane> {
     for axis in (0..3).filter(|&a| scale[a] > 0.0) {
         let bins = &bins[axis];
         let mut right_cost = [0.0f32; BINS];
-        let mut side = LinearBox::EMPTY;
+        let mut side = H::EMPTY;
         let mut count = 0;
         for i in (1..BINS).rev() {
             side = side.union(&bins[i].bounds);
             count += bins[i].count;
-            right_cost[i] = side.mean_half_area() * count as f32;
+            right_cost[i] = side.area() * count as f32;
         }
         let total = count + bins[0].count;
-        let mut side = LinearBox::EMPTY;
+        let mut side = H::EMPTY;
         let mut count = 0;
         for i in 1..BINS {
             side = side.union(&bins[i - 1].bounds);
@@ -376,7 +379,7 @@ fn best_plane(items: &[Item], lo: Vec3, hi: Vec3) -> Option<Plane> {
             if count == 0 || count == total {
                 continue;
             }
-            let cost = side.mean_half_area() * count as f32 + right_cost[i];
+            let cost = side.area() * count as f32 + right_cost[i];
             if best.as_ref().is_none_or(|(c, _)| cost < *c) {
                 let scale = scale[axis];
                 best = Some((
@@ -397,6 +400,7 @@ fn best_plane(items: &[Item], lo: Vec3, hi: Vec3) -> Option<Plane> {
 mod tests {
     use super::*;
     use crate::bvh::StaticSlabs;
+    use glam::Vec3;
 
     fn depth(tree: &Tree<StaticSlabs>, r: u32) -> usize {
         if r & Tree::<StaticSlabs>::LEAF != 0 {

@@ -18,6 +18,7 @@ use hdtrapeze_simd::{Float, Simd};
 
 use super::LinearBox;
 use super::linear::round_up;
+use super::sorted::{Hull, LinearHull, StaticHull};
 
 /// Bytes of 8 children: `[axis][0 lower, 1 upper][child]`.
 type Bytes = [[[u8; 8]; 2]; 3];
@@ -26,6 +27,8 @@ type Bytes = [[[u8; 8]; 2]; 3];
 pub trait Bounds8: Clone + Copy + Send + Sync + std::fmt::Debug + 'static {
     /// True when the bounds change with time.
     const MOVING: bool;
+    /// The boxes that a tree of this kind is built by.
+    type Hull: Hull;
     /// Packs the boxes of up to 8 children, outward; the other slots hold numbers that are never used.
     fn pack(boxes: &[LinearBox]) -> Self;
     /// The box of one child, as stored.
@@ -157,6 +160,7 @@ fn put(to: &mut [[[f32; 8]; 2]; 3], slot: usize, bounds: [Vec3; 2]) {
 
 impl Bounds8 for StaticSlabs {
     const MOVING: bool = false;
+    type Hull = StaticHull;
     #[inline(always)]
     fn pack(boxes: &[LinearBox]) -> Self {
         // A box that moves is contained by the union of its two ends.
@@ -185,6 +189,7 @@ impl Bounds8 for StaticSlabs {
 
 impl Bounds8 for LinearSlabs {
     const MOVING: bool = true;
+    type Hull = LinearHull;
     #[inline(always)]
     fn pack(boxes: &[LinearBox]) -> Self {
         let mut ends = [[[[0.0; 8]; 2]; 3]; 2];
