@@ -25,7 +25,7 @@ const HALVING: f32 = 0.6;
 const MIN_HALVED: u8 = 16;
 
 /// A rectangle of micropolygons of a grid.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct CellRect {
     /// First micropolygon along u.
     pub i: u8,
@@ -72,6 +72,17 @@ impl Span {
             group: [best.0 as u8, best.1 as u8],
             columns: columns as u8,
             count: (columns * h.div_ceil(best.1)) as u8,
+        }
+    }
+
+    /// A single group.
+    pub fn group(grid: u32, rect: CellRect) -> Span {
+        Span {
+            grid,
+            rect,
+            group: [rect.w, rect.h],
+            columns: 1,
+            count: 1,
         }
     }
 

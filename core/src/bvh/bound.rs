@@ -10,12 +10,13 @@ use glam::Vec3;
 use hdtrapeze_simd::{Float, Kernel, Level, Mask, Simd};
 
 use super::block::{Block, CellRect, GROUPS, Span, loose, loose_count};
+use super::object::LOOSE_SLOTS;
 use super::{Bounds8, COORDINATE_LIMIT, Frame, LinearBox, ROTATION_PAD};
 use crate::grid::PlanarMesh;
 
 /// Relative cost of turning a ray into a node's frame (9 products, 3 reciprocals), in units of
 /// one group test. An estimate, not yet measured; only the choice of frames depends on it.
-const TURN_COST: f32 = 0.3;
+pub const TURN_COST: f32 = 0.3;
 
 /// A block before its frame has a number.
 pub struct BuiltBlock<B> {
@@ -46,7 +47,21 @@ pub fn bound_loose(level: Level, mesh: &PlanarMesh, number: u32) -> Option<Loose
 }
 
 /// Bounds of as many groups as [`loose_count`] says.
-pub type LooseBoxes = [LinearBox; 16];
+pub type LooseBoxes = [LinearBox; LOOSE_SLOTS as usize];
+
+/// Bounds of up to [`GROUPS`] groups, as grid and micropolygons, in a frame or axis-aligned.
+pub fn bound_groups(
+    level: Level,
+    mesh: &PlanarMesh,
+    groups: &[(u32, CellRect)],
+    frame: Option<&Frame>,
+) -> [LinearBox; GROUPS] {
+    level.run(BoundGroups {
+        mesh,
+        groups,
+        frame,
+    })
+}
 
 struct Bound<'a, B> {
     mesh: &'a PlanarMesh,
@@ -99,6 +114,26 @@ impl<B: Bounds8> Kernel for Bound<'_, B> {
     }
 }
 
+struct BoundGroups<'a> {
+    mesh: &'a PlanarMesh,
+    groups: &'a [(u32, CellRect)],
+    frame: Option<&'a Frame>,
+}
+
+impl Kernel for BoundGroups<'_> {
+    type Output = [LinearBox; GROUPS];
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> [LinearBox; GROUPS] {
+        let mut out = [LinearBox::EMPTY; GROUPS];
+        for (out, &(grid, rect)) in out.iter_mut().zip(self.groups) {
+            let span = Span::group(grid, rect);
+            *out = group_boxes(simd, self.mesh, &span, self.frame)[0];
+        }
+        out
+    }
+}
+
 struct BoundLoose<'a> {
     mesh: &'a PlanarMesh,
     number: u32,
@@ -111,20 +146,14 @@ impl Kernel for BoundLoose<'_> {
     fn run<S: Simd>(self, simd: S) -> Option<LooseBoxes> {
         let Self { mesh, number } = self;
         let grid = &mesh.grids[number as usize];
-        let mut out = [LinearBox::EMPTY; 16];
+        let mut out = [LinearBox::EMPTY; LOOSE_SLOTS as usize];
         for slot in 0..loose_count(grid) {
-            let rect = loose(grid, slot.into());
-            let span = Span {
-                grid: number,
-                rect,
-                group: [rect.w, rect.h],
-                columns: 1,
-                count: 1,
-            };
+            let span = Span::group(number, loose(grid, slot.into()));
             if !all_finite(simd, mesh, &span) {
                 return None;
             }
             let bounds = group_boxes(simd, mesh, &span, None)[0];
+            // Bounds may have been raised.
             if !(bounds.is_finite() && bounds.max_abs() < COORDINATE_LIMIT) {
                 return None;
             }

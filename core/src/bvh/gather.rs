@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use super::block::{self, Span};
 use super::bound::{BuiltBlock, bound, bound_loose};
 use super::build::Item;
-use super::object::{LOOSE, LOOSE_BITS};
+use super::object::{LOOSE, LOOSE_BITS, loose_item};
 use super::{Bounds8, LinearBox};
 use crate::grid::PlanarMesh;
 
@@ -71,7 +71,7 @@ fn add<B: Bounds8>(
         if small || area < LOOSE_SHARE * whole.mean_half_area() {
             let items = boxes.iter().zip(0..).map(|(&bounds, slot)| Item {
                 bounds,
-                id: LOOSE | g << LOOSE_BITS | slot,
+                id: loose_item(g, slot),
             });
             out.loose.extend(items);
             return Some(());

@@ -32,6 +32,7 @@ pub mod gather;
 pub mod linear;
 pub mod node;
 pub mod object;
+pub mod orient;
 pub mod sorted;
 
 pub use build::Tree;

@@ -16,6 +16,17 @@ pub const LOOSE_BITS: u32 = 4;
 /// Most loose groups of a grid.
 pub const LOOSE_SLOTS: u32 = 1 << LOOSE_BITS;
 
+/// The item of a tree for loose group `slot` of a grid.
+pub fn loose_item(grid: u32, slot: u32) -> u32 {
+    LOOSE | grid << LOOSE_BITS | slot
+}
+
+/// Grid and number of the loose group that an item is, unless it is a block.
+#[inline(always)]
+pub fn loose_group(item: u32) -> Option<(u32, u32)> {
+    (item & LOOSE != 0).then_some(((item & !LOOSE) >> LOOSE_BITS, item & (LOOSE_SLOTS - 1)))
+}
+
 /// Tree and blocks of one object.
 #[derive(Clone, Debug)]
 pub struct BlockTree<B> {
@@ -188,6 +199,9 @@ fn build_blocks<B: Bounds8>(
     };
     let mut tree: Tree<B> = build::build_items(items, kind);
     tree.frames = frames;
+    if std::env::var("ORIENT").is_ok() {
+        super::orient::orient(hdtrapeze_simd::Level::best(), mesh, &mut tree);
+    }
     // Oriented bounds, and bounds as packed, may reach farther than any vertex: they are part of the radius.
     for node in &tree.nodes {
         radius = radius.max(node.bounds.max_abs());

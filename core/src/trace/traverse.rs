@@ -14,7 +14,7 @@ use super::sides::Side;
 use super::{Hit, TraceCounts};
 use crate::bvh::block::{CellRect, loose};
 use crate::bvh::node::enter;
-use crate::bvh::object::{BlockTree, LOOSE, LOOSE_BITS, LOOSE_SLOTS, ObjectGeometry};
+use crate::bvh::object::{BlockTree, ObjectGeometry, loose_group};
 use crate::bvh::{Bounds8, Tree};
 use crate::grid::PlanarMesh;
 
@@ -252,8 +252,7 @@ impl<'a, S: Simd, B: Bounds8, const CULL: bool> Target<'a, S, B, CULL> {
         query: &mut Query,
         counts: &mut TraceCounts,
     ) {
-        if item & LOOSE != 0 {
-            let (grid, slot) = ((item & !LOOSE) >> LOOSE_BITS, item & (LOOSE_SLOTS - 1));
+        if let Some((grid, slot)) = loose_group(item) {
             let rect = loose(&self.mesh.grids[grid as usize], slot);
             self.group(grid, rect, cells, query, counts);
             return;

@@ -11,7 +11,7 @@ use super::packet::{CellRays, Entered16, LANES, Lanes, Packet, Rays, alone, ente
 use super::traverse::{Query, Stack, Target, slab_time};
 use super::{Hit, TraceCounts};
 use crate::bvh::block::{CellRect, loose};
-use crate::bvh::object::{LOOSE, LOOSE_BITS, LOOSE_SLOTS};
+use crate::bvh::object::loose_group;
 use crate::bvh::{Bounds8, Tree};
 
 /// At most so many rays go on alone.
@@ -224,8 +224,7 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
         cells: &CellRays,
         queries: &mut Queries,
     ) {
-        if item & LOOSE != 0 {
-            let (grid, slot) = ((item & !LOOSE) >> LOOSE_BITS, item & (LOOSE_SLOTS - 1));
+        if let Some((grid, slot)) = loose_group(item) {
             let rect = loose(&self.mesh.grids[grid as usize], slot);
             self.group16(grid, rect, lanes, packet.rays, cells, queries);
             return;
