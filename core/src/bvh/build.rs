@@ -9,9 +9,10 @@
 //! The result does not depend on the number of threads: parallel work only joins minima, maxima and
 //! counts, and subtrees are appended in child order.
 
-use glam::Vec3A;
+use glam::{Vec3, Vec3A};
 use rayon::prelude::*;
 
+use super::orient::Strands;
 use super::sorted::{Hull, Sorted};
 use super::{Bounds8, Frame, LinearBox, Node};
 
@@ -24,6 +25,9 @@ const PARALLEL_ITEMS: usize = 4096;
 const SAH_DEPTH: usize = 16;
 /// Ranges up to this size are split so that nodes are full, where that is asked for.
 const FEW_ITEMS: usize = 64;
+
+/// Frames are tried for ranges up to this size.
+const FRAME_ITEMS: usize = 2048;
 
 /// A tree of 8-wide nodes over items that are known by number.
 #[derive(Clone, Debug)]
@@ -55,12 +59,18 @@ pub struct Item {
     pub bounds: LinearBox,
     /// Below 2^31.
     pub id: u32,
+    /// From end to end of what is long and thin; else zero.
+    pub along: Vec3,
 }
 
 /// Builds the tree over boxes `(id, box)`; ids are below 2^31 and every box is finite.
 pub fn build<B: Bounds8>(boxes: impl IntoIterator<Item = (u32, LinearBox)>) -> Tree<B> {
-    let items = boxes.into_iter().map(|(id, bounds)| Item { bounds, id });
-    build_items(items.collect(), Nodes::Cheap)
+    let items = boxes.into_iter().map(|(id, bounds)| Item {
+        bounds,
+        id,
+        along: Vec3::ZERO,
+    });
+    build_items(items.collect(), Nodes::Cheap, None)
 }
 
 /// What matters where ranges become small.
@@ -72,24 +82,48 @@ pub enum Nodes {
     Full,
 }
 
-/// Builds the tree over `items`, which are sorted in place.
-pub fn build_items<B: Bounds8>(items: Vec<Item>, kind: Nodes) -> Tree<B> {
-    let mut items: Vec<Sorted<B::Hull>> = items.iter().map(Sorted::of).collect();
-    let mut nodes = Vec::new();
-    let root = match items.len() {
-        0 => Tree::<B>::EMPTY,
-        1 => Tree::<B>::LEAF | items[0].id,
-        _ => {
-            nodes.reserve(items.len() / 4 + 1);
-            build_node(&mut nodes, &mut items, kind, 0)
-        }
-    };
-    nodes.shrink_to_fit();
-    Tree {
-        nodes,
+/// Builds the tree over `items`; with `strands`, frames are chosen.
+pub fn build_items<B: Bounds8>(
+    items: Vec<Item>,
+    kind: Nodes,
+    strands: Option<&Strands<'_>>,
+) -> Tree<B> {
+    let mut sorted: Vec<Sorted<B::Hull>> = items.iter().map(Sorted::of).collect();
+    drop(items);
+    let mut tree = Tree {
+        nodes: Vec::new(),
         frames: vec![Frame::IDENTITY],
-        root,
+        root: Tree::<B>::EMPTY,
+    };
+    let below = Below {
+        kind,
+        strands,
+        depth: 0,
+        frame: 0,
+        try_below: FRAME_ITEMS,
+    };
+    match &mut sorted[..] {
+        [] => {}
+        [item] => tree.root = Tree::<B>::LEAF | item.id,
+        items => {
+            tree.nodes.reserve(items.len() / 4 + 1);
+            tree.root = build_node(&mut tree, items, below);
+        }
     }
+    tree.nodes.shrink_to_fit();
+    tree
+}
+
+/// What holds for a range.
+#[derive(Clone, Copy)]
+struct Below<'a> {
+    kind: Nodes,
+    strands: Option<&'a Strands<'a>>,
+    depth: usize,
+    /// Number of the frame of boxes, and so of nodes.
+    frame: u32,
+    /// Frames are tried for ranges of no more items.
+    try_below: usize,
 }
 
 /// A range of items that becomes a child.
@@ -123,12 +157,23 @@ fn bounds_of<H: Hull>(items: &[Sorted<H>]) -> H {
 
 /// Appends the node over `items` (two or more) and all below it; returns the node's number.
 fn build_node<B: Bounds8>(
-    nodes: &mut Vec<Node<B>>,
+    tree: &mut Tree<B>,
     items: &mut [Sorted<B::Hull>],
-    kind: Nodes,
-    depth: usize,
+    mut below: Below<'_>,
 ) -> u32 {
+    if let Some(strands) = below.strands
+        && below.frame == 0
+        && items.len() <= below.try_below
+    {
+        below.try_below = items.len() / 4;
+        if let Some((frame, mut turned)) = strands.turn(items) {
+            below.frame = tree.frames.len() as u32;
+            tree.frames.push(frame);
+            return build_node(tree, &mut turned, below);
+        }
+    }
     let parallel = items.len() > PARALLEL_ITEMS;
+    let kind = below.kind;
     let mut ranges: Vec<Range<'_, B::Hull>> = Vec::with_capacity(8);
     if items.len() <= 8 {
         ranges.extend(items.chunks_mut(1).map(Range::new));
@@ -148,7 +193,7 @@ fn build_node<B: Bounds8>(
                 });
             let Some(widest) = widest else { break };
             let range = ranges.swap_remove(widest);
-            let middle = split(range.items, kind, depth);
+            let middle = split(range.items, kind, below.depth);
             let (left, right) = range.items.split_at_mut(middle);
             ranges.push(Range::new(left));
             ranges.push(Range::new(right));
@@ -164,56 +209,66 @@ fn build_node<B: Bounds8>(
         }
     }
 
-    let index = nodes.len() as u32;
+    let index = tree.nodes.len() as u32;
     let boxes: Vec<LinearBox> = ranges.iter().map(|r| r.bounds.linear()).collect();
-    nodes.push(Node {
+    tree.nodes.push(Node {
         bounds: B::pack(&boxes),
         children: [0; 8],
-        frame: 0,
+        frame: below.frame,
         valid: (1u32 << ranges.len()) - 1,
     });
+    below.depth += 1;
     if parallel {
-        let subtrees: Vec<(Vec<Node<B>>, u32)> = ranges
+        let subtrees: Vec<Tree<B>> = ranges
             .into_par_iter()
             .map(|range| {
-                let mut below = Vec::new();
-                let child = build_child(&mut below, range.items, kind, depth);
-                (below, child)
+                let mut subtree = Tree {
+                    nodes: Vec::new(),
+                    frames: vec![Frame::IDENTITY],
+                    root: Tree::<B>::EMPTY,
+                };
+                subtree.root = build_child(&mut subtree, range.items, below);
+                subtree
             })
             .collect();
-        for (slot, (below, child)) in subtrees.into_iter().enumerate() {
-            let base = nodes.len() as u32;
-            let shift = |r: u32| {
-                if r & Tree::<B>::LEAF == 0 {
-                    r + base
-                } else {
-                    r
-                }
-            };
-            nodes.extend(below.into_iter().map(|mut node| {
-                node.children = node.children.map(shift);
-                node
-            }));
-            nodes[index as usize].children[slot] = shift(child);
+        for (slot, subtree) in subtrees.into_iter().enumerate() {
+            let child = tree.append(subtree);
+            tree.nodes[index as usize].children[slot] = child;
         }
     } else {
         for (slot, range) in ranges.into_iter().enumerate() {
-            let child = build_child(nodes, range.items, kind, depth);
-            nodes[index as usize].children[slot] = child;
+            let child = build_child(tree, range.items, below);
+            tree.nodes[index as usize].children[slot] = child;
         }
     }
     index
 }
 
+impl<B> Tree<B> {
+    /// Takes over the nodes and frames of another tree; returns its root.
+    fn append(&mut self, other: Tree<B>) -> u32 {
+        let (base, frame_base) = (self.nodes.len() as u32, self.frames.len() as u32 - 1);
+        let shift = |r: u32| if r & Self::LEAF == 0 { r + base } else { r };
+        self.frames.extend_from_slice(&other.frames[1..]);
+        self.nodes.extend(other.nodes.into_iter().map(|mut node| {
+            node.children = node.children.map(shift);
+            if node.frame != 0 {
+                node.frame += frame_base;
+            }
+            node
+        }));
+        shift(other.root)
+    }
+}
+
 fn build_child<B: Bounds8>(
-    nodes: &mut Vec<Node<B>>,
+    tree: &mut Tree<B>,
     items: &mut [Sorted<B::Hull>],
-    kind: Nodes,
-    depth: usize,
+    below: Below<'_>,
 ) -> u32 {
     match items {
         [item] => Tree::<B>::LEAF | item.id,
-        _ => build_node(nodes, items, kind, depth + 1),
+        _ => build_node(tree, items, below),
     }
 }
 
@@ -459,8 +514,10 @@ mod tests {
             let item = |id| Item {
                 bounds: point(at(id)),
                 id,
+                along: Vec3::ZERO,
             };
-            let tree: Tree<StaticSlabs> = build_items((0..n).map(item).collect(), Nodes::Full);
+            let tree: Tree<StaticSlabs> =
+                build_items((0..n).map(item).collect(), Nodes::Full, None);
             let least = (n as usize - 1).div_ceil(7);
             assert!(
                 tree.nodes.len() <= least + least / 3 + 1,

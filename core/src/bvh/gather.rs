@@ -5,6 +5,7 @@
 //! those of one strand fill a box that is as long as the strand, whatever way strands lean, and one level is
 //! saved. All other grids are cut into blocks ([`super::block`]).
 
+use glam::Vec3;
 use hdtrapeze_simd::Level;
 use rayon::prelude::*;
 
@@ -12,6 +13,7 @@ use super::block::{self, Span};
 use super::bound::{BuiltBlock, bound, bound_loose};
 use super::build::Item;
 use super::object::{LOOSE, LOOSE_BITS, loose_item};
+use super::orient::direction;
 use super::{Bounds8, LinearBox};
 use crate::grid::PlanarMesh;
 
@@ -72,6 +74,11 @@ fn add<B: Bounds8>(
             let items = boxes.iter().zip(0..).map(|(&bounds, slot)| Item {
                 bounds,
                 id: loose_item(g, slot),
+                along: if small {
+                    Vec3::ZERO
+                } else {
+                    direction(mesh, g, block::loose(grid, slot))
+                },
             });
             out.loose.extend(items);
             return Some(());

@@ -2,9 +2,13 @@
 //!
 //! Shared by `Arc` between instances.
 
+use glam::Vec3;
+use hdtrapeze_simd::Level;
+
 use super::block::Block;
 use super::build::{self, Item, Tree};
 use super::gather::{Part, gather};
+use super::orient::Strands;
 use super::{Bounds8, Frame, LinearBox, LinearSlabs, StaticSlabs};
 use crate::grid::{DicedMesh, PlanarMesh};
 
@@ -178,6 +182,7 @@ fn build_blocks<B: Bounds8>(
             items.push(Item {
                 bounds: b.aabb,
                 id: blocks.len() as u32,
+                along: Vec3::ZERO,
             });
             blocks.push(block);
             bounds = bounds.union(&b.aabb);
@@ -197,11 +202,20 @@ fn build_blocks<B: Bounds8>(
     } else {
         build::Nodes::Cheap
     };
-    let mut tree: Tree<B> = build::build_items(items, kind);
-    tree.frames = frames;
-    if std::env::var("ORIENT").is_ok() {
-        super::orient::orient(hdtrapeze_simd::Level::best(), mesh, &mut tree);
+    let strands = Strands {
+        mesh,
+        level: Level::best(),
+    };
+    let mut tree: Tree<B> = build::build_items(
+        items,
+        kind,
+        std::env::var("ORIENT").is_ok().then_some(&strands),
+    );
+    // Frames of nodes come first.
+    for block in blocks.iter_mut().filter(|b| b.frame != 0) {
+        block.frame += tree.frames.len() as u32 - 1;
     }
+    tree.frames.extend_from_slice(&frames[1..]);
     // Oriented bounds, and bounds as packed, may reach farther than any vertex: they are part of the radius.
     for node in &tree.nodes {
         radius = radius.max(node.bounds.max_abs());

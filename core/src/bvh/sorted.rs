@@ -139,6 +139,8 @@ pub struct Sorted<H> {
     pub bounds: H,
     /// Its number.
     pub id: u32,
+    /// As [`Item::along`].
+    pub along: Vec3,
 }
 
 impl<H: Hull> Sorted<H> {
@@ -147,6 +149,7 @@ impl<H: Hull> Sorted<H> {
         Self {
             bounds: H::of(&item.bounds),
             id: item.id,
+            along: item.along,
         }
     }
 }

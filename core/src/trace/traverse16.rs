@@ -18,6 +18,15 @@ use crate::bvh::{Bounds8, Tree};
 const FEW: u32 = 2;
 /// A group is tested by single rays when fewer than this many reach it, else by all at once.
 const DENSE: u32 = 6;
+fn dense() -> u32 {
+    static S: std::sync::OnceLock<u32> = std::sync::OnceLock::new();
+    *S.get_or_init(|| {
+        std::env::var("DENSE")
+            .ok()
+            .and_then(|s| s.parse().ok())
+            .unwrap_or(DENSE)
+    })
+}
 
 /// A subtree that waits: reference, rays, and where the first of them enters.
 #[derive(Clone, Copy, Debug)]
@@ -112,6 +121,8 @@ pub(super) fn walk16<S: Simd, B: Bounds8>(
     }
     let floor = stack.len();
     let (mut at, mut rays) = (tree.root, packet.sound);
+    // The frame that the packet was turned into last: whole subtrees share one.
+    let (mut frame, mut turned) = (0, packet.slabs);
     loop {
         if at & Tree::<B>::LEAF != 0 {
             leaf(at & !Tree::<B>::LEAF, rays, queries, stack);
@@ -120,11 +131,13 @@ pub(super) fn walk16<S: Simd, B: Bounds8>(
         } else {
             let node = &tree.nodes[at as usize];
             queries.count_node(simd, rays);
-            let turned;
             let slabs = if node.frame == 0 {
                 &packet.slabs
             } else {
-                turned = packet.turned(&tree.frames[node.frame as usize]);
+                if node.frame != frame {
+                    frame = node.frame;
+                    turned = packet.turned(&tree.frames[frame as usize]);
+                }
                 &turned
             };
             let found = enter16(
@@ -276,7 +289,7 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
         queries: &mut Queries,
     ) {
         queries.count_cells(self.simd, lanes, rect);
-        if lanes.count_ones() >= DENSE
+        if lanes.count_ones() >= dense()
             && let Some(common) = cells.common
         {
             let (simd, mesh, instance) = (self.simd, self.mesh, self.instance);

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use glam::{DAffine3, DVec3};
+use glam::{DAffine3, DVec3, Vec3};
 use hdtrapeze_simd::Level;
 use rayon::prelude::*;
 
@@ -173,6 +173,7 @@ impl World {
                 Item {
                     bounds: bounds.unwrap_or(LinearBox::EMPTY),
                     id: i as u32,
+                    along: Vec3::ZERO,
                 }
             })
             .collect_into_vec(&mut items);
@@ -183,9 +184,9 @@ impl World {
             .map(|item| item.bounds.max_abs())
             .reduce(|| reach, f32::max);
         let top = if items.iter().all(|item| item.bounds.is_static()) {
-            TopTree::Static(build_items(items, Nodes::Full))
+            TopTree::Static(build_items(items, Nodes::Full, None))
         } else {
-            TopTree::Moving(build_items(items, Nodes::Full))
+            TopTree::Moving(build_items(items, Nodes::Full, None))
         };
         Ok(World {
             sets: numbered,
