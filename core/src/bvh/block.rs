@@ -6,7 +6,8 @@
 //! enough. Where the box of a block is mostly empty, as along a tilted strand, the block is halved for
 //! as long as that pays ([`refine`]).
 //!
-//! A grid that is no larger than one group ([`is_small`]) needs no block: the tree refers to it itself.
+//! Groups may also be *loose*: the tree refers to them itself, without a block. A grid that is no larger
+//! than one group ([`is_small`]) is one; a strip is cut into several where [`super::gather`] says so.
 
 use super::LinearBox;
 use crate::grid::{Grid, PlanarMesh};
@@ -118,57 +119,43 @@ pub fn is_small(grid: &Grid) -> bool {
     usize::from(grid.nu) <= GROUP.0 && usize::from(grid.nv) <= GROUP.1
 }
 
-/// True for a strip that may be cut into [loose groups](loose): twice as long as it is wide or more.
+/// True for a strand of fur, one micropolygon across, that may be cut into [loose groups](loose).
 pub fn is_strip(grid: &Grid) -> bool {
-    (grid.nu == 1 && grid.nv >= 4) || (grid.nv == 1 && grid.nu >= 4)
+    grid.nu.min(grid.nv) == 1 && grid.nu.max(grid.nv) >= 3
 }
 
-/// Micropolygons along a loose group of a strip.
-pub fn loose_length(grid: &Grid) -> u8 {
-    let _ = grid;
-    seg()
-}
-/// scratch
-pub fn seg() -> u8 {
-    static S: std::sync::OnceLock<u8> = std::sync::OnceLock::new();
-    *S.get_or_init(|| {
-        std::env::var("SEG")
-            .ok()
-            .and_then(|s| s.parse().ok())
-            .unwrap_or(2)
-    })
-}
+/// Micropolygons along a loose group of a strip. A single one would save a few nodes and tests, for twice the
+/// memory and the time to build.
+const LOOSE_LENGTH: u8 = 2;
 
-/// Number of loose groups of a grid: one, for a small grid.
-pub fn loose_count(grid: &Grid) -> u8 {
+/// Number of loose groups of a grid that is small, or a strip; at most [`GROUPS`].
+pub fn loose_count(grid: &Grid) -> usize {
     if is_small(grid) {
         return 1;
     }
-    (grid.nu.max(grid.nv) as u8).div_ceil(loose_length(grid))
+    usize::from(grid.nu.max(grid.nv)).div_ceil(usize::from(LOOSE_LENGTH))
 }
 
-/// A loose group of a grid.
+/// A group that the tree refers to without a block: all of a small grid, or a part of a strip.
 #[inline(always)]
 pub fn loose(grid: &Grid, slot: u32) -> CellRect {
     let (w, h) = (grid.nu as u8, grid.nv as u8);
+    let whole = CellRect { i: 0, j: 0, w, h };
     if is_small(grid) {
-        return CellRect { i: 0, j: 0, w, h };
+        return whole;
     }
-    let length = loose_length(grid);
-    let from = slot as u8 * length;
-    if h > 1 {
+    let from = slot as u8 * LOOSE_LENGTH;
+    if w == 1 {
         CellRect {
-            i: 0,
             j: from,
-            w,
-            h: length.min(h - from),
+            h: LOOSE_LENGTH.min(h - from),
+            ..whole
         }
     } else {
         CellRect {
             i: from,
-            j: 0,
-            w: length.min(w - from),
-            h,
+            w: LOOSE_LENGTH.min(w - from),
+            ..whole
         }
     }
 }
@@ -284,6 +271,31 @@ mod tests {
                 assert!(seen.iter().all(|&n| n == 1), "{nu}x{nv}: {seen:?}");
                 assert!(blocks <= 4);
             }
+        }
+    }
+
+    #[test]
+    fn loose_groups_cover_every_cell_once() {
+        for (nu, nv) in (1..=16u16).flat_map(|n| [(1, n), (n, 1), (4, 2)]) {
+            let grid = Grid {
+                first_vertex: 0,
+                element: 0,
+                nu,
+                nv,
+            };
+            assert!(is_small(&grid) || is_strip(&grid), "{nu}x{nv}");
+            let count = loose_count(&grid);
+            assert!(count <= GROUPS);
+            let mut seen = vec![0; grid.cell_count()];
+            for r in (0..count as u32).map(|slot| loose(&grid, slot)) {
+                assert!(usize::from(r.w) <= GROUP.0 && usize::from(r.h) <= GROUP.1);
+                for j in r.j..r.j + r.h {
+                    for i in r.i..r.i + r.w {
+                        seen[usize::from(j) * usize::from(nu) + usize::from(i)] += 1;
+                    }
+                }
+            }
+            assert!(seen.iter().all(|&n| n == 1), "{nu}x{nv}: {seen:?}");
         }
     }
 

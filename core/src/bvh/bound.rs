@@ -10,7 +10,6 @@ use glam::Vec3;
 use hdtrapeze_simd::{Float, Kernel, Level, Mask, Simd};
 
 use super::block::{Block, CellRect, GROUPS, Span, loose, loose_count};
-use super::object::LOOSE_SLOTS;
 use super::{Bounds8, COORDINATE_LIMIT, Frame, LinearBox, ROTATION_PAD};
 use crate::grid::PlanarMesh;
 
@@ -47,14 +46,15 @@ pub fn bound_loose(level: Level, mesh: &PlanarMesh, number: u32) -> Option<Loose
 }
 
 /// Bounds of as many groups as [`loose_count`] says.
-pub type LooseBoxes = [LinearBox; LOOSE_SLOTS as usize];
+pub type LooseBoxes = [LinearBox; GROUPS];
 
-/// Bounds of up to [`GROUPS`] groups, as grid and micropolygons, in a frame or axis-aligned.
+/// Bounds in a frame of up to [`GROUPS`] groups of grids whose vertices are finite and within
+/// [`COORDINATE_LIMIT`]; each is a grid and its micropolygons.
 pub fn bound_groups(
     level: Level,
     mesh: &PlanarMesh,
     groups: &[(u32, CellRect)],
-    frame: Option<&Frame>,
+    frame: &Frame,
 ) -> [LinearBox; GROUPS] {
     level.run(BoundGroups {
         mesh,
@@ -117,7 +117,7 @@ impl<B: Bounds8> Kernel for Bound<'_, B> {
 struct BoundGroups<'a> {
     mesh: &'a PlanarMesh,
     groups: &'a [(u32, CellRect)],
-    frame: Option<&'a Frame>,
+    frame: &'a Frame,
 }
 
 impl Kernel for BoundGroups<'_> {
@@ -128,7 +128,7 @@ impl Kernel for BoundGroups<'_> {
         let mut out = [LinearBox::EMPTY; GROUPS];
         for (out, &(grid, rect)) in out.iter_mut().zip(self.groups) {
             let span = Span::group(grid, rect);
-            *out = group_boxes(simd, self.mesh, &span, self.frame)[0];
+            *out = group_boxes(simd, self.mesh, &span, Some(self.frame))[0];
         }
         out
     }
@@ -146,9 +146,9 @@ impl Kernel for BoundLoose<'_> {
     fn run<S: Simd>(self, simd: S) -> Option<LooseBoxes> {
         let Self { mesh, number } = self;
         let grid = &mesh.grids[number as usize];
-        let mut out = [LinearBox::EMPTY; LOOSE_SLOTS as usize];
-        for slot in 0..loose_count(grid) {
-            let span = Span::group(number, loose(grid, slot.into()));
+        let mut out = [LinearBox::EMPTY; GROUPS];
+        for (slot, out) in out.iter_mut().enumerate().take(loose_count(grid)) {
+            let span = Span::group(number, loose(grid, slot as u32));
             if !all_finite(simd, mesh, &span) {
                 return None;
             }
@@ -157,7 +157,7 @@ impl Kernel for BoundLoose<'_> {
             if !(bounds.is_finite() && bounds.max_abs() < COORDINATE_LIMIT) {
                 return None;
             }
-            out[usize::from(slot)] = bounds;
+            *out = bounds;
         }
         Some(out)
     }

@@ -12,7 +12,7 @@
 use glam::{Vec3, Vec3A};
 use rayon::prelude::*;
 
-use super::orient::Strands;
+use super::orient::{MOST_ITEMS, Strands};
 use super::sorted::{Hull, Sorted};
 use super::{Bounds8, Frame, LinearBox, Node};
 
@@ -25,9 +25,6 @@ const PARALLEL_ITEMS: usize = 4096;
 const SAH_DEPTH: usize = 16;
 /// Ranges up to this size are split so that nodes are full, where that is asked for.
 const FEW_ITEMS: usize = 64;
-
-/// Frames are tried for ranges up to this size.
-const FRAME_ITEMS: usize = 2048;
 
 /// A tree of 8-wide nodes over items that are known by number.
 #[derive(Clone, Debug)]
@@ -100,7 +97,7 @@ pub fn build_items<B: Bounds8>(
         strands,
         depth: 0,
         frame: 0,
-        try_below: FRAME_ITEMS,
+        try_below: MOST_ITEMS,
     };
     match &mut sorted[..] {
         [] => {}
@@ -163,7 +160,7 @@ fn build_node<B: Bounds8>(
 ) -> u32 {
     if let Some(strands) = below.strands
         && below.frame == 0
-        && items.len() <= below.try_below
+        && items.len() <= below.try_below.max(8)
     {
         below.try_below = items.len() / 4;
         if let Some((frame, mut turned)) = strands.turn(items) {

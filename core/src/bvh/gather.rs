@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use super::block::{self, Span};
 use super::bound::{BuiltBlock, bound, bound_loose};
 use super::build::Item;
-use super::object::{LOOSE, LOOSE_BITS, loose_item};
+use super::object::{LOOSE_GRIDS, loose_item};
 use super::orient::direction;
 use super::{Bounds8, LinearBox};
 use crate::grid::PlanarMesh;
@@ -28,6 +28,8 @@ pub struct Part<B> {
     pub blocks: Vec<BuiltBlock<B>>,
     /// Loose groups, numbered as the tree does.
     pub loose: Vec<Item>,
+    /// Those of the loose groups that are parts of strips.
+    pub strips: usize,
     /// Grids left out: not sound, or a vertex that is absurdly far.
     pub dropped: u64,
 }
@@ -42,6 +44,7 @@ pub fn gather<B: Bounds8>(mesh: &PlanarMesh, sound: &[bool]) -> Vec<Part<B>> {
             let mut out = Part {
                 blocks: Vec::new(),
                 loose: Vec::new(),
+                strips: 0,
                 dropped: 0,
             };
             let mut spans = Vec::new();
@@ -65,9 +68,9 @@ fn add<B: Bounds8>(
 ) -> Option<()> {
     let grid = &mesh.grids[g as usize];
     let small = block::is_small(grid);
-    if (small || block::is_strip(grid)) && g < LOOSE >> LOOSE_BITS {
+    if (small || block::is_strip(grid)) && g < LOOSE_GRIDS {
         let boxes = bound_loose(level, mesh, g)?;
-        let boxes = &boxes[..block::loose_count(grid).into()];
+        let boxes = &boxes[..block::loose_count(grid)];
         let whole = boxes.iter().fold(LinearBox::EMPTY, |a, b| a.union(b));
         let area: f32 = boxes.iter().map(LinearBox::mean_half_area).sum();
         if small || area < LOOSE_SHARE * whole.mean_half_area() {
@@ -81,6 +84,7 @@ fn add<B: Bounds8>(
                 },
             });
             out.loose.extend(items);
+            out.strips += if small { 0 } else { boxes.len() };
             return Some(());
         }
     }

@@ -6,7 +6,7 @@ use glam::Vec3;
 use hdtrapeze_simd::Level;
 
 use super::block::Block;
-use super::build::{self, Item, Tree};
+use super::build::{self, Item, Nodes, Tree};
 use super::gather::{Part, gather};
 use super::orient::Strands;
 use super::{Bounds8, Frame, LinearBox, LinearSlabs, StaticSlabs};
@@ -16,9 +16,9 @@ use crate::grid::{DicedMesh, PlanarMesh};
 /// are the number of the grid and, in the last [`LOOSE_BITS`], that of the group.
 pub const LOOSE: u32 = 1 << 30;
 /// Bits of the number of a loose group in its grid.
-pub const LOOSE_BITS: u32 = 4;
-/// Most loose groups of a grid.
-pub const LOOSE_SLOTS: u32 = 1 << LOOSE_BITS;
+pub const LOOSE_BITS: u32 = 3;
+/// Grids from this number on have no loose groups.
+pub const LOOSE_GRIDS: u32 = LOOSE >> LOOSE_BITS;
 
 /// The item of a tree for loose group `slot` of a grid.
 pub fn loose_item(grid: u32, slot: u32) -> u32 {
@@ -28,7 +28,8 @@ pub fn loose_item(grid: u32, slot: u32) -> u32 {
 /// Grid and number of the loose group that an item is, unless it is a block.
 #[inline(always)]
 pub fn loose_group(item: u32) -> Option<(u32, u32)> {
-    (item & LOOSE != 0).then_some(((item & !LOOSE) >> LOOSE_BITS, item & (LOOSE_SLOTS - 1)))
+    let slot = item & ((1 << LOOSE_BITS) - 1);
+    (item & LOOSE != 0).then_some(((item & !LOOSE) >> LOOSE_BITS, slot))
 }
 
 /// Tree and blocks of one object.
@@ -166,6 +167,7 @@ fn build_blocks<B: Bounds8>(
     let parts: Vec<Part<B>> = gather(mesh, sound);
     let block_count = parts.iter().map(|p| p.blocks.len()).sum();
     let loose_count: usize = parts.iter().map(|p| p.loose.len()).sum();
+    let strips: usize = parts.iter().map(|p| p.strips).sum();
     let mut blocks = Vec::with_capacity(block_count);
     let mut items = Vec::with_capacity(block_count + loose_count);
     let mut frames: Vec<Frame> = vec![Frame::IDENTITY];
@@ -197,20 +199,17 @@ fn build_blocks<B: Bounds8>(
         radius = radius.max(bounds.max_abs());
     }
     stats.oriented_blocks = frames.len() as u64 - 1;
-    let kind = if std::env::var("FULL").is_ok() {
-        build::Nodes::Full
+    // Where strands are most of the items, so many that memory counts, full nodes cost no time either.
+    let kind = if 2 * strips > items.len() {
+        Nodes::Full
     } else {
-        build::Nodes::Cheap
+        Nodes::Cheap
     };
     let strands = Strands {
         mesh,
         level: Level::best(),
     };
-    let mut tree: Tree<B> = build::build_items(
-        items,
-        kind,
-        std::env::var("ORIENT").is_ok().then_some(&strands),
-    );
+    let mut tree: Tree<B> = build::build_items(items, kind, (strips > 0).then_some(&strands));
     // Frames of nodes come first.
     for block in blocks.iter_mut().filter(|b| b.frame != 0) {
         block.frame += tree.frames.len() as u32 - 1;

@@ -1,8 +1,12 @@
-//! Frames of subtrees over strands: where the groups of a range run in one direction, more or less, bounds
+//! Frames of subtrees over strands: where the items of a range run in one direction, more or less, bounds
 //! along that direction are a few times tighter than along the axes of space.
 //!
 //! After Woop, Benthin, Wald, Johnson, Tabellion, "Exploiting Local Orientation Similarity for Efficient Ray
-//! Traversal of Hair and Fur", HPG 2014.
+//! Traversal of Hair and Fur", HPG 2014. Unlike there, a frame is chosen once for a whole subtree, which is then
+//! built in it: splits and all nodes are along strands, and a ray that has been turned stays so from node to
+//! node. Ranges are tried from [`MOST_ITEMS`] downward, each a quarter of the last or smaller, and last the
+//! items of a single node, so that combed fur is turned in large parts, and tousled fur where a few
+//! strands happen to agree. A frame does not move: it follows the mean of both ends of the shutter.
 
 use glam::Vec3;
 use hdtrapeze_simd::Level;
@@ -14,20 +18,15 @@ use super::object::loose_group;
 use super::sorted::{Hull, Sorted};
 use crate::grid::PlanarMesh;
 
-/// A range of more items than a node has is turned where the boxes of its items have less than this part of
-/// their area after that.
-fn share() -> f32 {
-    env("SHARE", 0.4)
-}
-fn env(n: &str, d: f32) -> f32 {
-    std::env::var(n)
-        .ok()
-        .and_then(|s| s.parse().ok())
-        .unwrap_or(d)
-}
-
-/// Ranges with a smaller mean cosine of the angle to the mean direction are not tried.
+/// Most items of a range that is tried.
+pub const MOST_ITEMS: usize = 2048;
+/// A range of more items than a node has is turned where that leaves less than this part of the area of its
+/// boxes. Figures are much the same from a quarter to a half.
+const SHARE: f32 = 0.4;
+/// Ranges with a smaller mean cosine of the angle to the mean direction are not turned.
 const LEAST_COSINE: f32 = 0.8;
+/// Items of a large range that decide whether the others are bounded.
+const SAMPLE: usize = 24;
 
 /// The groups of a mesh that a tree is built over.
 #[derive(Clone, Copy)]
@@ -39,9 +38,18 @@ pub struct Strands<'a> {
 }
 
 impl Strands<'_> {
-    /// A frame for a range, which is aligned yet, and its items there, if that pays.
+    /// A frame for a range that has none yet, and its items there, if that pays.
     pub fn turn<H: Hull>(&self, items: &[Sorted<H>]) -> Option<(Frame, Vec<Sorted<H>>)> {
         let frame = common_frame(items)?;
+        if items.len() > 4 * SAMPLE {
+            let some = items.iter().step_by(items.len() / SAMPLE).copied();
+            self.turned(&some.collect::<Vec<_>>(), &frame)?;
+        }
+        Some((frame, self.turned(items, &frame)?))
+    }
+
+    /// The items of a range in a frame, if that pays.
+    fn turned<H: Hull>(&self, items: &[Sorted<H>], frame: &Frame) -> Option<Vec<Sorted<H>>> {
         let mut turned = items.to_vec();
         for part in turned.chunks_mut(GROUPS) {
             let mut groups = [(0, CellRect::default()); GROUPS];
@@ -49,8 +57,7 @@ impl Strands<'_> {
                 let (grid, slot) = loose_group(item.id)?;
                 *to = (grid, loose(&self.mesh.grids[grid as usize], slot));
             }
-            let groups = &groups[..part.len()];
-            let boxes = bound_groups(self.level, self.mesh, groups, Some(&frame));
+            let boxes = bound_groups(self.level, self.mesh, &groups[..part.len()], frame);
             for (item, bounds) in part.iter_mut().zip(&boxes) {
                 item.bounds = H::of(bounds);
             }
@@ -58,12 +65,12 @@ impl Strands<'_> {
         let area = |items: &[Sorted<H>]| items.iter().map(|i| i.bounds.area()).sum::<f32>();
         let (before, after) = (area(items), area(&turned));
         let pays = if items.len() > GROUPS {
-            after < share() * before
+            after < SHARE * before
         } else {
             let whole = items.iter().fold(H::EMPTY, |h, i| h.union(&i.bounds));
             after + TURN_COST * whole.area() < before
         };
-        pays.then_some((frame, turned))
+        pays.then_some(turned)
     }
 }
 
@@ -97,16 +104,17 @@ fn common_frame<H: Hull>(items: &[Sorted<H>]) -> Option<Frame> {
     Frame::from_edges(axis, spread)
 }
 
-/// From end to end of a group, longwise, at both ends of the shutter together.
+/// From end to end of a group of a strip, at both ends of the shutter together.
 pub fn direction(mesh: &PlanarMesh, grid: u32, rect: CellRect) -> Vec3 {
     let g = grid as usize;
     let stride = usize::from(mesh.grids[g].nu) + 1;
     let [i, j, w, h] = [rect.i, rect.j, rect.w, rect.h].map(usize::from);
-    let to = if mesh.grids[g].nv > mesh.grids[g].nu {
-        (j + h) * stride + i
+    let from = j * stride + i;
+    let to = if mesh.grids[g].nu == 1 {
+        from + h * stride
     } else {
-        j * stride + i + w
+        from + w
     };
-    let edge = |k: usize| mesh.position(g, k, to) - mesh.position(g, k, j * stride + i);
+    let edge = |k: usize| mesh.position(g, k, to) - mesh.position(g, k, from);
     edge(0) + edge(mesh.key_count() - 1)
 }

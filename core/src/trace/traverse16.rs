@@ -18,15 +18,6 @@ use crate::bvh::{Bounds8, Tree};
 const FEW: u32 = 2;
 /// A group is tested by single rays when fewer than this many reach it, else by all at once.
 const DENSE: u32 = 6;
-fn dense() -> u32 {
-    static S: std::sync::OnceLock<u32> = std::sync::OnceLock::new();
-    *S.get_or_init(|| {
-        std::env::var("DENSE")
-            .ok()
-            .and_then(|s| s.parse().ok())
-            .unwrap_or(DENSE)
-    })
-}
 
 /// A subtree that waits: reference, rays, and where the first of them enters.
 #[derive(Clone, Copy, Debug)]
@@ -289,7 +280,7 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
         queries: &mut Queries,
     ) {
         queries.count_cells(self.simd, lanes, rect);
-        if lanes.count_ones() >= dense()
+        if lanes.count_ones() >= DENSE
             && let Some(common) = cells.common
         {
             let (simd, mesh, instance) = (self.simd, self.mesh, self.instance);
