@@ -18,6 +18,8 @@ use super::{Bounds8, Frame, LinearBox, Node};
 
 /// Bins on each axis.
 const BINS: usize = 16;
+/// Bins for small ranges whose nodes are to be full: the number of a side is rounded anyway.
+const FEW_BINS: usize = 8;
 /// Ranges larger than this are split, and their children built, in parallel.
 const PARALLEL_ITEMS: usize = 4096;
 /// Nodes deeper than this split by halves only. 16 levels leave SAH all the freedom it uses in
@@ -85,7 +87,7 @@ pub fn build_items<B: Bounds8>(
     kind: Nodes,
     strands: Option<&Strands<'_>>,
 ) -> Tree<B> {
-    let mut sorted: Vec<Sorted<B::Hull>> = items.iter().map(Sorted::of).collect();
+    let mut sorted: Vec<Sorted<B::Hull>> = items.par_iter().map(Sorted::of).collect();
     drop(items);
     let mut tree = Tree {
         nodes: Vec::new(),
@@ -279,10 +281,12 @@ fn split<H: Hull>(items: &mut [Sorted<H>], kind: Nodes, depth: usize) -> usize {
         return half;
     }
     let (lo, hi) = centre_range(items);
-    let Some(plane) = best_plane(items, lo, hi) else {
+    let few = kind == Nodes::Full && items.len() <= FEW_ITEMS;
+    let bins = if few { FEW_BINS } else { BINS };
+    let Some(plane) = best_plane(items, lo, hi, bins) else {
         return half;
     };
-    if kind == Nodes::Full && items.len() <= FEW_ITEMS {
+    if few {
         return split_full(items, plane.axis, lo, plane.bin as f32 / plane.scale);
     }
     let middle = partition(items, |item| {
@@ -290,6 +294,7 @@ fn split<H: Hull>(items: &mut [Sorted<H>], kind: Nodes, depth: usize) -> usize {
             item.bounds.centre4()[plane.axis],
             lo[plane.axis],
             plane.scale,
+            bins,
         ) < plane.bin
     });
     if middle == 0 || middle == items.len() {
@@ -347,9 +352,9 @@ fn centre_range<H: Hull>(items: &[Sorted<H>]) -> (Vec3A, Vec3A) {
 }
 
 #[inline]
-fn bin_of(centre: f32, lo: f32, scale: f32) -> usize {
+fn bin_of(centre: f32, lo: f32, scale: f32, bins: usize) -> usize {
     // Casts saturate: whatever rounding does, the bin exists.
-    (((centre - lo) * scale) as usize).min(BINS - 1)
+    (((centre - lo) * scale) as usize).min(bins - 1)
 }
 
 /// A split plane: items in bins below `bin` go left.
@@ -375,12 +380,12 @@ fn no_bins<H: Hull>() -> Bins<H> {
     [[bin; BINS]; 3]
 }
 
-fn fill_bins<H: Hull>(items: &[Sorted<H>], lo: Vec3A, scale: Vec3A) -> Bins<H> {
+fn fill_bins<H: Hull>(items: &[Sorted<H>], lo: Vec3A, scale: Vec3A, count: usize) -> Bins<H> {
     let mut bins: Bins<H> = no_bins();
     for item in items {
         let c = item.bounds.centre4();
         for axis in 0..3 {
-            let bin = &mut bins[axis][bin_of(c[axis], lo[axis], scale[axis])];
+            let bin = &mut bins[axis][bin_of(c[axis], lo[axis], scale[axis], count)];
             bin.bounds = bin.bounds.union(&item.bounds);
             bin.count += 1;
         }
@@ -397,19 +402,24 @@ fn join_bins<H: Hull>(mut a: Bins<H>, b: Bins<H>) -> Bins<H> {
 }
 
 /// The cheapest plane over all axes, or none where every centre is the same.
-fn best_plane<H: Hull>(items: &[Sorted<H>], lo: Vec3A, hi: Vec3A) -> Option<Plane> {
+fn best_plane<H: Hull>(
+    items: &[Sorted<H>],
+    lo: Vec3A,
+    hi: Vec3A,
+    bin_count: usize,
+) -> Option<Plane> {
     // Not a division by an extent: an axis without extent gets one bin, and is passed over.
     let scale = Vec3A::from_array([0, 1, 2].map(|a| {
-        let s = BINS as f32 / (hi[a] - lo[a]);
+        let s = bin_count as f32 / (hi[a] - lo[a]);
         if s.is_finite() { s } else { 0.0 }
     }));
     let bins = if items.len() > PARALLEL_ITEMS {
         items
             .par_chunks(PARALLEL_ITEMS)
-            .map(|chunk| fill_bins(chunk, lo, scale))
+            .map(|chunk| fill_bins(chunk, lo, scale, bin_count))
             .reduce(no_bins, join_bins)
     } else {
-        fill_bins(items, lo, scale)
+        fill_bins(items, lo, scale, bin_count)
     };
     let mut best: Option<(f32, Plane)> = None;
     for axis in (0..3).filter(|&a| scale[a] > 0.0) {
@@ -417,7 +427,7 @@ fn best_plane<H: Hull>(items: &[Sorted<H>], lo: Vec3A, hi: Vec3A) -> Option<Plan
         let mut right_cost = [0.0f32; BINS];
         let mut side = H::EMPTY;
         let mut count = 0;
-        for i in (1..BINS).rev() {
+        for i in (1..bin_count).rev() {
             side = side.union(&bins[i].bounds);
             count += bins[i].count;
             right_cost[i] = side.area() * count as f32;
@@ -425,7 +435,7 @@ fn best_plane<H: Hull>(items: &[Sorted<H>], lo: Vec3A, hi: Vec3A) -> Option<Plan
         let total = count + bins[0].count;
         let mut side = H::EMPTY;
         let mut count = 0;
-        for i in 1..BINS {
+        for i in 1..bin_count {
             side = side.union(&bins[i - 1].bounds);
             count += bins[i - 1].count;
             if count == 0 || count == total {

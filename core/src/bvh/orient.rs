@@ -25,8 +25,6 @@ pub const MOST_ITEMS: usize = 2048;
 const SHARE: f32 = 0.4;
 /// Ranges with a smaller mean cosine of the angle to the mean direction are not turned.
 const LEAST_COSINE: f32 = 0.8;
-/// Items of a large range that decide whether the others are bounded.
-const SAMPLE: usize = 24;
 
 /// The groups of a mesh that a tree is built over.
 #[derive(Clone, Copy)]
@@ -41,14 +39,24 @@ impl Strands<'_> {
     /// A frame for a range that has none yet, and its items there, if that pays.
     pub fn turn<H: Hull>(&self, items: &[Sorted<H>]) -> Option<(Frame, Vec<Sorted<H>>)> {
         let frame = common_frame(items)?;
-        if items.len() > 4 * SAMPLE {
-            let some = items.iter().step_by(items.len() / SAMPLE).copied();
-            self.turned(&some.collect::<Vec<_>>(), &frame)?;
+        // First without width: most ranges that fail do so here.
+        let area = |items: &[Sorted<H>]| items.iter().map(|i| i.bounds.area()).sum::<f32>();
+        let before = area(items);
+        let least = if items.len() > GROUPS {
+            SHARE * before
+        } else {
+            let whole = items.iter().fold(H::EMPTY, |h, i| h.union(&i.bounds));
+            before - TURN_COST * whole.area()
+        };
+        let lines = items.iter().map(|i| line_area(frame.turn(i.along)));
+        if lines.sum::<f32>() >= least {
+            return None;
         }
-        Some((frame, self.turned(items, &frame)?))
+        let turned = self.turned(items, &frame)?;
+        (area(&turned) < least).then_some((frame, turned))
     }
 
-    /// The items of a range in a frame, if that pays.
+    /// The items of a range in a frame; none where one of them is a block.
     fn turned<H: Hull>(&self, items: &[Sorted<H>], frame: &Frame) -> Option<Vec<Sorted<H>>> {
         let mut turned = items.to_vec();
         for part in turned.chunks_mut(GROUPS) {
@@ -62,16 +70,14 @@ impl Strands<'_> {
                 item.bounds = H::of(bounds);
             }
         }
-        let area = |items: &[Sorted<H>]| items.iter().map(|i| i.bounds.area()).sum::<f32>();
-        let (before, after) = (area(items), area(&turned));
-        let pays = if items.len() > GROUPS {
-            after < SHARE * before
-        } else {
-            let whole = items.iter().fold(H::EMPTY, |h, i| h.union(&i.bounds));
-            after + TURN_COST * whole.area() < before
-        };
-        pays.then_some(turned)
+        Some(turned)
     }
+}
+
+/// Half the area of the box of a line.
+fn line_area(along: Vec3) -> f32 {
+    let e = along.abs();
+    e.x * e.y + e.y * e.z + e.z * e.x
 }
 
 /// Along the mean direction of strands, and the direction in which they differ most. None where an item has
@@ -104,7 +110,7 @@ fn common_frame<H: Hull>(items: &[Sorted<H>]) -> Option<Frame> {
     Frame::from_edges(axis, spread)
 }
 
-/// From end to end of a group of a strip, at both ends of the shutter together.
+/// From end to end of a group of a strip, the mean of both ends of the shutter.
 pub fn direction(mesh: &PlanarMesh, grid: u32, rect: CellRect) -> Vec3 {
     let g = grid as usize;
     let stride = usize::from(mesh.grids[g].nu) + 1;
@@ -116,5 +122,5 @@ pub fn direction(mesh: &PlanarMesh, grid: u32, rect: CellRect) -> Vec3 {
         from + w
     };
     let edge = |k: usize| mesh.position(g, k, to) - mesh.position(g, k, from);
-    edge(0) + edge(mesh.key_count() - 1)
+    (edge(0) + edge(mesh.key_count() - 1)) * 0.5
 }
