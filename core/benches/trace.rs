@@ -1,4 +1,4 @@
-//! Build and trace rates of three scenes of about a million micropolygons, static and moving, under
+//! Build and trace rates of four scenes of about a million micropolygons, static and moving, under
 //! rays with lens and time. `cargo bench -p hdtrapeze-core --bench trace [-- SCENE]`; without
 //! `--bench` (as under `cargo test`) a small run that only checks.
 //!
@@ -148,7 +148,7 @@ fn main() {
     );
     for (motion, k) in [("static", 1), ("moving", 2)] {
         type Make<'a> = Box<dyn Fn() -> DicedMesh + 'a>;
-        let scenes: [(&str, Make<'_>, &Lens); 3] = [
+        let scenes: [(&str, Make<'_>, &Lens); 4] = [
             (
                 "sheet",
                 Box::new(|| sheet(n(62.0).max(2), 16, &keys(k))),
@@ -160,6 +160,11 @@ fn main() {
                 &patch_lens,
             ),
             ("fur", Box::new(|| fur(n(62500.0), &keys(k), 1)), &fur_lens),
+            (
+                "combed",
+                Box::new(|| combed(n(62500.0), 0.0024, &keys(k), 1)),
+                &fur_lens,
+            ),
         ];
         for (name, make, lens) in scenes {
             if only.is_none_or(|o| o == name) {

@@ -4,8 +4,9 @@
 mod trace_scenes;
 
 use glam::{DAffine3, DVec3, Vec3};
-use hdtrapeze_core::bvh::object::{Blas, BlockTree};
-use hdtrapeze_core::bvh::{Bounds8, Frame, LinearBox, ObjectGeometry, SMALL_GRID, StoredBox, Tree};
+use hdtrapeze_core::bvh::block::{CellRect, loose};
+use hdtrapeze_core::bvh::object::{Blas, BlockTree, loose_group};
+use hdtrapeze_core::bvh::{Bounds8, BvhStats, Frame, LinearBox, ObjectGeometry, StoredBox, Tree};
 use hdtrapeze_core::grid::{DicedMesh, PlanarMesh};
 use hdtrapeze_core::trace::instance::world_bounds;
 use proptest::prelude::*;
@@ -61,22 +62,25 @@ fn check_tree<B: Bounds8>(
     let mut all = Vec::new();
     let children: Vec<(StoredBox, u32, Vertices)>;
     let frame;
-    if reference & Tree::<B>::LEAF != 0 && reference & SMALL_GRID != 0 {
-        // A grid by itself: its bounds are those of the node above.
-        let g = (reference & !(Tree::<B>::LEAF | SMALL_GRID)) as usize;
-        return Ok((0..mesh.grids[g].vertex_count()).map(|i| (g, i)).collect());
-    } else if reference & Tree::<B>::LEAF != 0 {
+    let rect_vertices = |g: usize, r: CellRect| -> Vertices {
+        let stride = usize::from(mesh.grids[g].nu) + 1;
+        let [i, j, w, h] = [r.i, r.j, r.w, r.h].map(usize::from);
+        (j..=j + h)
+            .flat_map(|y| (i..=i + w).map(move |x| (g, y * stride + x)))
+            .collect()
+    };
+    let leaf = reference & Tree::<B>::LEAF != 0;
+    if leaf && let Some((g, slot)) = loose_group(reference & !Tree::<B>::LEAF) {
+        // A group by itself: its bounds are those of the node above.
+        let rect = loose(&mesh.grids[g as usize], slot);
+        return Ok(rect_vertices(g as usize, rect));
+    } else if leaf {
         let block = &tree.blocks[(reference & !Tree::<B>::LEAF) as usize];
         let g = block.span.grid as usize;
-        let stride = usize::from(mesh.grids[g].nu) + 1;
         frame = block.frame;
         children = (0..u32::from(block.span.count))
             .map(|slot| {
-                let r = block.span.group_rect(slot);
-                let [i, j, w, h] = [r.i, r.j, r.w, r.h].map(usize::from);
-                let vertices = (j..=j + h)
-                    .flat_map(|y| (i..=i + w).map(move |x| (g, y * stride + x)))
-                    .collect();
+                let vertices = rect_vertices(g, block.span.group_rect(slot));
                 (block.bounds.unpack(slot as usize), frame, vertices)
             })
             .collect();
@@ -103,7 +107,7 @@ fn check_tree<B: Bounds8>(
     Ok(all)
 }
 
-fn check_object(mesh: DicedMesh, times: &[f64]) -> Result<(), String> {
+fn check_object(mesh: DicedMesh, times: &[f64]) -> Result<BvhStats, String> {
     let object = ObjectGeometry::new(mesh);
     let mesh = object.mesh();
     let found = match object.blas() {
@@ -130,7 +134,7 @@ fn check_object(mesh: DicedMesh, times: &[f64]) -> Result<(), String> {
             }
         }
     }
-    Ok(())
+    Ok(*object.stats())
 }
 
 fn times_strategy() -> impl Strategy<Value = Vec<f64>> {
@@ -176,15 +180,22 @@ proptest! {
     }
 
     #[test]
-    fn oriented_bounds_contain(seed: u64, k in 1usize..4, offset in -100f32..100.0, times in times_strategy()) {
-        let mut m = fur(40, &keys(k), seed);
+    fn oriented_bounds_contain(
+        seed: u64, shape in 0usize..3, k in 1usize..4, offset in -100f32..100.0, times in times_strategy()
+    ) {
+        let keys = keys(k);
+        let mut m = match shape {
+            0 => fur(40, &keys, seed),
+            1 => combed(40, 0.003, &keys, seed),
+            _ => patches(3, 16, &keys[..1], seed),
+        };
         let spin = glam::Quat::from_axis_angle(Rng(seed).direction(), 1.0);
         for p in &mut m.positions {
             *p = spin * *p + Vec3::splat(offset);
         }
-        let oriented = ObjectGeometry::new(m.clone()).stats().oriented_blocks;
-        prop_assert!(oriented > 0 || offset.abs() > 50.0);
-        check_object(m, &times).map_err(TestCaseError::fail)?;
+        let stats = check_object(m, &times).map_err(TestCaseError::fail)?;
+        let oriented = [1, stats.oriented_nodes, stats.oriented_blocks][shape];
+        prop_assert!(oriented > 0 || offset.abs() > 50.0, "{stats:?}");
     }
 
     #[test]
@@ -254,6 +265,61 @@ fn degenerate_grids_are_contained_and_never_hit() {
             assert!(!world.trace(&r, &mut counts).is_hit());
         }
     }
+}
+
+#[test]
+fn whole_subtrees_of_combed_fur_share_frames() {
+    for k in [1, 2, 3] {
+        let stats =
+            check_object(combed(600, 0.003, &keys(k), 1), &[0.0, 0.3, 1.0]).expect("contained");
+        assert_eq!((stats.blocks, stats.loose_groups), (0, 600 * 8));
+        assert!(stats.oriented_nodes * 2 > stats.nodes, "{stats:?}");
+        let object = ObjectGeometry::new(combed(600, 0.003, &keys(k), 1));
+        let frames = match object.blas() {
+            Blas::Static(t) => t.tree.frames.len(),
+            Blas::Moving(t) => t.tree.frames.len(),
+        };
+        assert!(frames as u64 * 3 < stats.nodes, "{frames} {stats:?}");
+    }
+    // What stands upright is well bounded by a block.
+    let upright = mesh(&[(1, 16); 100], &keys(1), |g, u, v, _| {
+        Vec3::new(g as f32 + u * 0.1, u * 0.1, v)
+    });
+    let stats = check_object(upright, &[0.0]).expect("contained");
+    assert_eq!((stats.blocks, stats.loose_groups), (100, 0));
+}
+
+#[test]
+fn strands_without_extent_or_all_in_one_place_build() {
+    let n = 2000;
+    for shape in 0..4 {
+        let m = mesh(&vec![(1, 16); n], &keys(2), |g, u, v, t| match shape {
+            // Points, lines in one place, ribbons in one place, and strands that turn over in the shutter.
+            0 => Vec3::ONE,
+            1 => Vec3::new(v, v, 2.0 * v + t),
+            2 => Vec3::new(v + 0.1 * u, v, 2.0 * v),
+            _ => {
+                Vec3::new(g as f32, u * 0.1, 0.0) + Vec3::new(1.0, 2.0, 3.0) * (v * (1.0 - 2.0 * t))
+            }
+        });
+        check_object(m, &[0.0, 0.4, 1.0]).expect("contained");
+    }
+}
+
+#[test]
+fn one_thread_turns_the_same_nodes() {
+    let nodes = || {
+        let object = ObjectGeometry::new(combed(1500, 0.003, &keys(2), 1));
+        match object.blas() {
+            Blas::Static(_) => String::new(),
+            Blas::Moving(t) => format!("{:?}", t.tree),
+        }
+    };
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(1)
+        .build()
+        .expect("a pool of one thread");
+    assert!(nodes() == pool.install(nodes));
 }
 
 #[test]

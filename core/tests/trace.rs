@@ -41,6 +41,7 @@ fn objects_agree_with_the_oracle() {
             ("sheet", sheet(3, 9, &keys)),
             ("patches", patches(20, 7, &keys, 3)),
             ("fur", fur(60, &keys, 4)),
+            ("combed fur", combed(60, 0.05, &keys, 4)),
             ("sphere", sphere(2, 5, &keys)),
         ];
         for (name, mesh) in meshes {
@@ -285,6 +286,7 @@ fn instruction_sets_and_packets_give_the_same_hits() {
         world_of(sheet(6, 16, &keys(2))),
         world_of(patches(60, 8, &keys(3), 5)),
         world_of(fur(300, &keys(2), 6)),
+        world_of(combed(300, 0.01, &keys(2), 6)),
         World::build(
             (0..5u32)
                 .map(|i| {

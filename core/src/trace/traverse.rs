@@ -96,6 +96,8 @@ pub(super) fn walk<S: Simd, B: Bounds8>(
     }
     let floor = stack.len();
     let mut at = root;
+    // The frame that the ray was turned into last: whole subtrees share one.
+    let (mut frame, mut turned) = (0, ray.slab);
     loop {
         if at & Tree::<B>::LEAF != 0 {
             leaf(at & !Tree::<B>::LEAF, query, stack, counts);
@@ -106,11 +108,13 @@ pub(super) fn walk<S: Simd, B: Bounds8>(
         } else {
             let node = &tree.nodes[at as usize];
             counts.node_tests += 1;
-            let turned;
             let slab = if node.frame == 0 {
                 &ray.slab
             } else {
-                turned = ray.turned(&tree.frames[node.frame as usize]);
+                if node.frame != frame {
+                    frame = node.frame;
+                    turned = ray.turned(&tree.frames[frame as usize]);
+                }
                 &turned
             };
             let (mut mask, near) = enter(

@@ -142,6 +142,24 @@ pub fn fur(count: usize, keys: &[f32], seed: u64) -> DicedMesh {
     })
 }
 
+/// Fur that leans and sways one way, nearly, with strands `width` wide at their roots.
+pub fn combed(count: usize, width: f32, keys: &[f32], seed: u64) -> DicedMesh {
+    let mut rng = Rng(seed);
+    let who: Vec<_> = (0..count)
+        .map(|_| {
+            let root = Vec3::new(rng.signed(), rng.signed(), 0.0);
+            let lean = Vec3::new(0.9, 0.6, 0.0) + rng.cube() * 0.1;
+            let sway = Vec3::new(0.4, 0.0, 0.0) + rng.cube() * 0.1;
+            (root, lean, sway, rng.unit() * PI)
+        })
+        .collect();
+    mesh(&vec![(1, 16); count], keys, move |g, u, v, t| {
+        let (root, lean, sway, angle) = who[g];
+        let across = Vec3::new(angle.cos(), angle.sin(), 0.0) * (width * (1.0 - 0.9 * v));
+        root + across * (u - 0.5) + (Vec3::Z * v + (lean + sway * t) * (v * v)) * 0.25
+    })
+}
+
 /// A closed unit sphere: six faces of a cube, `n` by `n` grids each, edge vertices with the same bits
 /// on both sides. It breathes and shears over time.
 pub fn sphere(n: usize, rate: u16, keys: &[f32]) -> DicedMesh {
