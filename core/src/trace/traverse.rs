@@ -97,7 +97,7 @@ pub(super) fn walk<S: Simd, B: Bounds8>(
     let floor = stack.len();
     let mut at = root;
     // The frame that the ray was turned into last: whole subtrees share one.
-    let (mut frame, mut turned) = (0, ray.slab);
+    let (mut frame, mut turned) = (0, None);
     loop {
         if at & Tree::<B>::LEAF != 0 {
             leaf(at & !Tree::<B>::LEAF, query, stack, counts);
@@ -113,9 +113,9 @@ pub(super) fn walk<S: Simd, B: Bounds8>(
             } else {
                 if node.frame != frame {
                     frame = node.frame;
-                    turned = ray.turned(&tree.frames[frame as usize]);
+                    turned = Some(ray.turned(&tree.frames[frame as usize]));
                 }
-                &turned
+                turned.as_ref().unwrap_or(&ray.slab)
             };
             let (mut mask, near) = enter(
                 simd,

@@ -113,7 +113,7 @@ pub(super) fn walk16<S: Simd, B: Bounds8>(
     let floor = stack.len();
     let (mut at, mut rays) = (tree.root, packet.sound);
     // The frame that the packet was turned into last: whole subtrees share one.
-    let (mut frame, mut turned) = (0, packet.slabs);
+    let (mut frame, mut turned) = (0, None);
     loop {
         if at & Tree::<B>::LEAF != 0 {
             leaf(at & !Tree::<B>::LEAF, rays, queries, stack);
@@ -127,9 +127,9 @@ pub(super) fn walk16<S: Simd, B: Bounds8>(
             } else {
                 if node.frame != frame {
                     frame = node.frame;
-                    turned = packet.turned(&tree.frames[frame as usize]);
+                    turned = Some(packet.turned(&tree.frames[frame as usize]));
                 }
-                &turned
+                turned.as_ref().unwrap_or(&packet.slabs)
             };
             let found = enter16(
                 simd,
