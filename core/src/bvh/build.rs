@@ -1,4 +1,4 @@
-//! The tree over blocks (or instances): a parallel top-down build of 8-wide nodes by binned SAH.
+//! The tree over blocks and loose groups (or instances): a parallel top-down build of 8-wide nodes by binned SAH.
 //!
 //! Each range of items is split in two at the cheapest of 16 bins on each axis, by
 //! `area(left) n(left) + area(right) n(right)` with areas averaged over the shutter (Wald, "On Fast
@@ -6,12 +6,16 @@
 //! split again until a node has 8 children. Where no bin separates the items (all centres equal), or
 //! where the tree is already deep, the range is halved: depth stays logarithmic for any input.
 //!
+//! Where items are parts of strands, a range may be turned: its boxes are bounded anew in a frame along
+//! the strands, and all below is split and bounded there ([`super::orient`]).
+//!
 //! The result does not depend on the number of threads: parallel work only joins minima, maxima and
 //! counts, and subtrees are appended in child order.
 
 use glam::{Vec3, Vec3A};
 use rayon::prelude::*;
 
+use super::block::GROUPS;
 use super::orient::{MOST_ITEMS, Strands};
 use super::sorted::{Hull, Sorted};
 use super::{Bounds8, Frame, LinearBox, Node};
@@ -58,7 +62,7 @@ pub struct Item {
     pub bounds: LinearBox,
     /// Below 2^31.
     pub id: u32,
-    /// From end to end of what is long and thin; else zero.
+    /// From end to end of a part of a strand, in mid-shutter; zero for all else.
     pub along: Vec3,
 }
 
@@ -81,7 +85,8 @@ pub enum Nodes {
     Full,
 }
 
-/// Builds the tree over `items`; with `strands`, frames are chosen.
+/// Builds the tree over `items`; with `strands`, which bounds those that have a direction, ranges are turned
+/// where that pays.
 pub fn build_items<B: Bounds8>(
     items: Vec<Item>,
     kind: Nodes,
@@ -121,7 +126,7 @@ struct Below<'a> {
     depth: usize,
     /// Number of the frame of boxes, and so of nodes.
     frame: u32,
-    /// Frames are tried for ranges of no more items.
+    /// Frames are tried for ranges of no more items, and for those of a single node.
     try_below: usize,
 }
 
@@ -162,7 +167,7 @@ fn build_node<B: Bounds8>(
 ) -> u32 {
     if let Some(strands) = below.strands
         && below.frame == 0
-        && items.len() <= below.try_below.max(8)
+        && items.len() <= below.try_below.max(GROUPS)
     {
         below.try_below = items.len() / 4;
         if let Some((frame, mut turned)) = strands.turn(items) {

@@ -15,11 +15,12 @@
 //! over the whole shutter is raised by its largest excess at an inner key ([`linear`]).
 //!
 //! **Shape.** A grid is cut into *blocks* of up to 8x8 micropolygons ([`block`]). A block is one node
-//! with 8 implicit children, each a *group* of up to 4x2 micropolygons: no pointers; a grid of one
-//! group needs no block. Over both stands a tree of 8-wide nodes ([`build`]), built by binned SAH on the time-averaged area. The 8
-//! children of a node share one frame ([`frame`]): the identity (an AABB) or a rotation, chosen
-//! where surface-area cost says that it pays. What does not move stores no second bounds: all nodes
-//! are generic over [`node::Bounds8`].
+//! with 8 implicit children, each a *group* of up to 4x2 micropolygons: no pointers. Small grids and tilted
+//! strands need no block: the tree refers to their groups ([`gather`]). Over all stands a tree of 8-wide nodes
+//! ([`build`]), built by binned SAH on the time-averaged area. The 8 children of a node share one frame
+//! ([`frame`]): the identity (an AABB) or a rotation, chosen where surface-area cost says that it pays, for single
+//! blocks ([`bound`]) and for subtrees over strands ([`orient`]). What does not move stores no second bounds: all
+//! nodes are generic over [`node::Bounds8`].
 //!
 //! **Units.** Bounds are in the space of [`DicedMesh`](crate::grid::DicedMesh)'s positions for objects,
 //! and in world space relative to the world origin for the tree over instances.

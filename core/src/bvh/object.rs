@@ -1,4 +1,4 @@
-//! One object, ready to be traced: its diced mesh and the tree over its blocks and small grids.
+//! One object, ready to be traced: its diced mesh and the tree over its blocks and loose groups.
 //!
 //! Shared by `Arc` between instances.
 
@@ -35,8 +35,7 @@ pub fn loose_group(item: u32) -> Option<(u32, u32)> {
 /// Tree and blocks of one object.
 #[derive(Clone, Debug)]
 pub struct BlockTree<B> {
-    /// Tree over blocks, by number, and small grids, by number and [`SMALL_GRID`]. Blocks use its
-    /// frames too.
+    /// Tree over blocks, by number, and [loose groups](loose_group). Blocks use its frames too.
     pub tree: Tree<B>,
     /// Blocks, in the order of grids.
     pub blocks: Vec<Block<B>>,

@@ -246,7 +246,7 @@ impl<'a, S: Simd, B: Bounds8, const CULL: bool> Target<'a, S, B, CULL> {
         );
     }
 
-    /// Tests one item of the tree: a small grid or a block.
+    /// Tests one item of the tree: a loose group or a block.
     #[inline(always)]
     fn item(
         &self,

@@ -218,7 +218,7 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
         );
     }
 
-    /// Tests one item of the tree: a small grid or a block.
+    /// Tests one item of the tree: a loose group or a block.
     #[inline(always)]
     fn item16(
         &self,
