@@ -194,8 +194,8 @@ proptest! {
             *p = spin * *p + Vec3::splat(offset);
         }
         let stats = check_object(m, &times).map_err(TestCaseError::fail)?;
-        let oriented = [1, stats.oriented_nodes, stats.oriented_blocks][shape];
-        prop_assert!(oriented > 0 || offset.abs() > 50.0, "{stats:?}");
+        // Strands may happen to run along an axis; those of the test below do not.
+        prop_assert!(shape < 2 || stats.oriented_blocks > 0 || offset.abs() > 50.0, "{stats:?}");
     }
 
     #[test]
