@@ -35,6 +35,7 @@ pub mod node;
 pub mod object;
 pub mod orient;
 pub mod sorted;
+mod split;
 
 pub use build::Tree;
 pub use frame::Frame;
