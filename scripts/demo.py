@@ -9,13 +9,15 @@ from pathlib import Path
 from hdtrapeze.errors import HdTrapezeError
 from hdtrapeze.flags import make_parser
 from hdtrapeze.log import SceneLog
+from hdtrapeze.outputs import Output, metadata
 from hdtrapeze.progress import ProgressBar
-from hdtrapeze.record import make_options, write
 from hdtrapeze.render import Renderer
+from hdtrapeze.request import make_request
 from hdtrapeze.stage import open_stage
 
 ROOT = Path(__file__).resolve().parent.parent
 SCENE = ROOT / "examples/demo/demo.usda"
+OUT = ROOT / "out"
 FRAME = 1.0
 DEFAULTS = ["--camera", "/World/Camera", "--samples", "256"]
 AOVS = ["--aov", "cameraDepth", "--aov", "normal", "--aov", "motionVectors", "--aov", "primId"]
@@ -23,17 +25,21 @@ AOVS = ["--aov", "cameraDepth", "--aov", "normal", "--aov", "motionVectors", "--
 
 def main(flags: list[str]) -> int:
     """Renders, writes, names the files."""
-    exr, png = ROOT / "out/demo.exr", ROOT / "out/demo.png"
-    exr.parent.mkdir(exist_ok=True)
+    exr, png = OUT / "demo.exr", OUT / "demo.png"
+    OUT.mkdir(exist_ok=True)
     command = ["record", *DEFAULTS, *AOVS, *flags, str(SCENE), str(exr)]
     args = make_parser("").parse_args(command)
     try:
-        with Renderer(make_options(args), SceneLog()) as renderer:
-            renderer.load(open_stage(args.usdFilePath), FRAME)
+        log = SceneLog()
+        stage = open_stage(args.usdFilePath)
+        request = make_request(args, stage, log)
+        with Renderer(request.options, log) as renderer:
+            renderer.load(stage, FRAME, request.camera)
             with ProgressBar(SCENE.name, args.quiet) as bar:
                 renderer.render(bar)
-            write(renderer, str(exr), "EXR", args, FRAME, complete=True)
-            write(renderer, str(png), "PNG", args, FRAME, complete=True)
+            facts = metadata(renderer, args.usdFilePath, FRAME)
+            for path in (exr, png):
+                Output(request.options).write(renderer, str(path), facts, complete=True)
             seconds = renderer.statistics()["total_seconds"]
     except HdTrapezeError as error:
         print(f"error: {error}", file=sys.stderr)

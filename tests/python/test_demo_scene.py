@@ -96,3 +96,15 @@ def test_it_moves_defocuses_instances_and_creases():
         assert sum(counts) == len(indices)
         assert 0 <= min(indices) <= max(indices) < len(points)
         assert mesh.ValidateTopology(indices, counts, len(points))
+
+
+def test_its_script_writes_both_pictures(tmp_path, monkeypatch, capsys):
+    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
+    import demo
+
+    monkeypatch.setattr(demo, "OUT", tmp_path)
+    flags = ["-w", "16", "--samples", "1", "--shading-rate", "20", "--quiet"]
+    assert demo.main(flags) == 0
+    assert str(tmp_path / "demo.exr") in capsys.readouterr().out
+    assert (tmp_path / "demo.exr").read_bytes()[:4] == b"\x76\x2f\x31\x01"
+    assert (tmp_path / "demo.png").read_bytes()[:4] == b"\x89PNG"
