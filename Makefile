@@ -33,7 +33,8 @@ format: ## Rewrite Rust, Python and C++ sources in the project's format
 	@scripts/setup.sh --tools --no-build
 	@scripts/test.sh format
 
-bench: setup ## Run the benches; figures go to the terminal
+bench: ## Run the benches; figures go to the terminal
+	@scripts/setup.sh --tools
 	@scripts/bench.sh
 
 peers: ## Our tracer beside Embree 3, where that is installed (apt-get install libembree3-3)

@@ -1,9 +1,8 @@
 //! 8-wide nodes with bounds of 8 bits, in structure-of-arrays form.
 //!
 //! Nodes are generic over [`Bounds8`]: [`StaticSlabs`] where nothing moves, [`LinearSlabs`] where
-//! bounds are linear in time. After Benthin, Woop, Wald, Áfra, "Improved Two-Level BVHs using Partial
-//! Re-Braiding", and Ylitie, Karras, Laine, "Efficient Incoherent Ray Traversal on GPUs Through
-//! Compressed Wide BVHs", both HPG 2017, for bytes on a grid of the node's own.
+//! bounds are linear in time. Bytes on a grid of the node's own are after Ylitie, Karras, Laine, "Efficient
+//! Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs", HPG 2017.
 //!
 //! **The grid of a node.** A plane of a child is `origin + step q`, q from 0 to 255, for each axis and,
 //! where things move, for each end of the shutter. Packing rounds outward: with real numbers, not f32,

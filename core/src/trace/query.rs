@@ -216,7 +216,9 @@ impl World {
                         t_min: 0.0,
                         t_max: 0.0,
                     };
-                    let mut own = Vec::new();
+                    // The packets' own stack of single rays is the leaves' to use.
+                    let mut own = STACK.with(Cell::take);
+                    own.clear();
                     queries.alone(
                         lane,
                         #[inline(always)]
@@ -226,6 +228,7 @@ impl World {
                             );
                         },
                     );
+                    STACK.with(|cell| cell.set(own));
                 }
             },
         );
