@@ -28,6 +28,31 @@ pub(super) struct BaseMesh {
     pub vertex_owner: Vec<u32>,
 }
 
+/// What some faces need of a base mesh.
+#[derive(Debug)]
+pub(super) struct BasePart {
+    /// The faces, with numbers of their own for edges and slots: those in the lists below. Nothing in it is
+    /// owned.
+    pub rows: BaseMesh,
+    /// The faces that own the edges and slots, ascending.
+    pub owners: Vec<u32>,
+    /// Edges and slots of the mesh, ascending, which is the order of their owners too.
+    edges: Vec<u32>,
+    slots: Vec<u32>,
+}
+
+impl BasePart {
+    /// True where an edge of the mesh is needed.
+    pub fn has_edge(&self, edge: u32) -> bool {
+        self.edges.binary_search(&edge).is_ok()
+    }
+
+    /// True where a vertex slot of the mesh is needed.
+    pub fn has_slot(&self, slot: u32) -> bool {
+        self.slots.binary_search(&slot).is_ok()
+    }
+}
+
 const NONE: u32 = u32::MAX;
 
 impl BaseMesh {
@@ -131,6 +156,123 @@ impl BaseMesh {
     /// Face-edges of a face.
     pub fn face_edges(&self, face: u32) -> std::ops::Range<usize> {
         self.first[face as usize] as usize..self.first[face as usize + 1] as usize
+    }
+
+    /// Bytes on the heap.
+    pub fn bytes(&self) -> usize {
+        let of = |numbers: &[u32]| size_of_val(numbers);
+        of(&self.first)
+            + of(&self.edges)
+            + of(&self.corners)
+            + of(&self.edge_owner)
+            + size_of_val(self.edge_ends.as_slice())
+            + of(&self.vertex_owner)
+    }
+
+    /// The face of a face-edge.
+    pub fn face_of(&self, face_edge: u32) -> u32 {
+        self.first.partition_point(|&first| first <= face_edge) as u32 - 1
+    }
+
+    /// True where no face-edge but two that run against each other share an edge, and the faces around
+    /// each vertex hang together by their edges: then whatever evaluates a vertex or an edge, it is the
+    /// same place. An edge from a vertex to itself (a pole) is that vertex.
+    pub fn is_manifold(&self) -> bool {
+        let total = self.edges.len();
+        let next = |face_edge: u32| {
+            let range = self.face_edges(self.face_of(face_edge));
+            let after = face_edge as usize + 1;
+            if after == range.end {
+                range.start
+            } else {
+                after
+            }
+        };
+        fn root(parents: &mut [u32], mut i: u32) -> u32 {
+            while parents[i as usize] != i {
+                parents[i as usize] = parents[parents[i as usize] as usize];
+                i = parents[i as usize];
+            }
+            i
+        }
+        // Corners around a vertex, joined across edges.
+        let mut parents: Vec<u32> = (0..total as u32).collect();
+        let mut joined = 0;
+        let mut shared = vec![false; self.edge_owner.len()];
+        for (face_edge, &edge) in self.edges.iter().enumerate() {
+            let own = self.edge_owner[edge as usize];
+            let [from, to] = self.edge_ends[edge as usize];
+            let b = next(face_edge as u32);
+            if from == to {
+                let (a, b) = (
+                    root(&mut parents, face_edge as u32),
+                    root(&mut parents, b as u32),
+                );
+                joined += usize::from(a != b);
+                parents[a as usize] = b;
+                continue;
+            }
+            if own as usize == face_edge {
+                continue;
+            }
+            if std::mem::replace(&mut shared[edge as usize], true) {
+                return false;
+            }
+            let a = next(own);
+            if self.corners[own as usize] != self.corners[b]
+                || self.corners[a] != self.corners[face_edge]
+            {
+                return false;
+            }
+            for [a, b] in [[own, b as u32], [a as u32, face_edge as u32]] {
+                let (a, b) = (root(&mut parents, a), root(&mut parents, b));
+                if a != b {
+                    joined += 1;
+                    parents[a as usize] = b;
+                }
+            }
+        }
+        // As many groups as vertices: none has two.
+        total - joined == self.vertex_owner.len()
+    }
+
+    /// What `faces` need. Their rows in the part are in the order given.
+    pub fn part(&self, faces: &[u32]) -> BasePart {
+        let mut edges: Vec<u32> = Vec::new();
+        let mut slots: Vec<u32> = Vec::new();
+        for &face in faces {
+            edges.extend_from_slice(&self.edges[self.face_edges(face)]);
+            slots.extend_from_slice(&self.corners[self.face_edges(face)]);
+        }
+        for numbers in [&mut edges, &mut slots] {
+            numbers.sort_unstable();
+            numbers.dedup();
+        }
+        let at = |numbers: &[u32], wanted: u32| numbers.partition_point(|&n| n < wanted) as u32;
+        let mut rows = BaseMesh::default();
+        for &face in faces {
+            let range = self.face_edges(face);
+            rows.first.push(rows.edges.len() as u32);
+            let own = self.edges[range.clone()].iter();
+            rows.edges.extend(own.map(|&e| at(&edges, e)));
+            let own = self.corners[range].iter();
+            rows.corners.extend(own.map(|&s| at(&slots, s)));
+        }
+        rows.first.push(rows.edges.len() as u32);
+        let ends = |&e: &u32| self.edge_ends[e as usize].map(|s| at(&slots, s));
+        rows.edge_ends = edges.iter().map(ends).collect();
+        let edge_owners = edges.iter().map(|&e| self.edge_owner[e as usize]);
+        let slot_owners = slots.iter().map(|&s| self.vertex_owner[s as usize]);
+        let owners = edge_owners.chain(slot_owners);
+        let mut owners: Vec<u32> = owners.map(|face_edge| self.face_of(face_edge)).collect();
+        owners.sort_unstable();
+        owners.dedup();
+        BasePart {
+            rows,
+            owners,
+            edges,
+            slots,
+        }
     }
 
     /// True where the face-edge is the owner of its edge.

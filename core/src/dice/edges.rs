@@ -1,6 +1,6 @@
 //! The first pass: base vertices and base edge curves, each evaluated once by the face that owns it.
 
-use super::base::{BaseMesh, runs_forward, usable};
+use super::base::{BaseMesh, BasePart, runs_forward, usable};
 use super::budget::{Budget, Halt};
 use super::curve::{CurvePool, CurveView, MAX_DEPTH};
 use super::sampler::Sampler;
@@ -50,8 +50,14 @@ impl BaseCurves {
                     let mut part = Part::default();
                     let before = sampler.evaluations;
                     for face in c * chunk..((c + 1) * chunk).min(face_count) {
+                        let face = face as u32;
+                        let first = base.face_edges(face).start;
                         let known = part.pool.curves.len();
-                        sample_face(input, base, sampler, face as u32, rate, budget, &mut part)?;
+                        let wants = Wants {
+                            edge: |k: usize| base.owns_edge(first + k),
+                            corner: |k: usize| base.owns_corner(first + k),
+                        };
+                        sample_face(input, sampler, face, &wants, rate, budget, &mut part)?;
                         let segments = part.pool.curves[known..].iter().map(|c| c.segments);
                         budget.take(segments.map(u64::from).sum())?;
                     }
@@ -81,6 +87,34 @@ impl BaseCurves {
             evaluations += part.evaluations;
         }
         Ok((all, evaluations))
+    }
+
+    /// Evaluates what some faces need of the base mesh, on this thread; the same bits.
+    pub fn evaluate_part(
+        input: &DiceInput<'_>,
+        base: &BaseMesh,
+        part: &BasePart,
+        rate: f32,
+        budget: &Budget<'_>,
+    ) -> Result<(Self, u64), Halt> {
+        let mut sampler = Sampler::new(input.surface, input.path, input.metric);
+        let mut found = Part::default();
+        for &face in &part.owners {
+            let first = base.face_edges(face).start;
+            let wants = Wants {
+                edge: |k: usize| base.owns_edge(first + k) && part.has_edge(base.edges[first + k]),
+                corner: |k: usize| {
+                    base.owns_corner(first + k) && part.has_slot(base.corners[first + k])
+                },
+            };
+            sample_face(input, &mut sampler, face, &wants, rate, budget, &mut found)?;
+        }
+        let all = Self {
+            vertices: found.vertices,
+            pool: found.pool,
+            key_count: input.path.key_times().len(),
+        };
+        Ok((all, sampler.evaluations))
     }
 
     /// Position of a vertex slot at each key.
@@ -117,32 +151,33 @@ fn corner_and_middle(corners: usize, k: usize) -> (Vec2, Vec2) {
     if corners == 4 { QUAD[k] } else { TRIANGLE[k] }
 }
 
-/// Evaluates what `face` owns.
+/// What is wanted of a face: of its edges and corners, those that it owns.
+struct Wants<E, C> {
+    edge: E,
+    corner: C,
+}
+
+/// Evaluates the edges and corners of `face` that are wanted.
 fn sample_face(
     input: &DiceInput<'_>,
-    base: &BaseMesh,
     sampler: &mut Sampler<'_>,
     face: u32,
+    wants: &Wants<impl Fn(usize) -> bool, impl Fn(usize) -> bool>,
     rate: f32,
     budget: &Budget<'_>,
     part: &mut Part,
 ) -> Result<(), Halt> {
-    let range = base.face_edges(face);
-    let (first, n) = (range.start, range.len());
+    let vertices = usable(input.surface.face_vertices(face));
+    let n = vertices.len();
     let keys = sampler.key_count();
-    if range
-        .clone()
-        .all(|e| !base.owns_edge(e) && !base.owns_corner(e))
-    {
+    if (0..n).all(|k| !(wants.edge)(k) && !(wants.corner)(k)) {
         return Ok(());
     }
     budget.check()?;
-    let vertices = usable(input.surface.face_vertices(face));
     let straight = input.is_coarse();
-    let owns_edge = |k: usize| base.owns_edge(first + k);
-    let wants_middle = |k: usize| !straight && owns_edge(k);
+    let wants_middle = |k: usize| !straight && (wants.edge)(k);
     let wants_corner =
-        |k: usize| base.owns_corner(first + k) || wants_middle(k) || wants_middle((k + n - 1) % n);
+        |k: usize| (wants.corner)(k) || wants_middle(k) || wants_middle((k + n - 1) % n);
 
     let points = &mut part.points;
     points.clear();
@@ -196,10 +231,10 @@ fn sample_face(
     let at = |slot: usize| &points[slot * keys..(slot + 1) * keys];
     for k in 0..n {
         budget.check()?;
-        if base.owns_corner(first + k) {
+        if (wants.corner)(k) {
             part.vertices.extend_from_slice(at(2 * k));
         }
-        if !owns_edge(k) {
+        if !(wants.edge)(k) {
             continue;
         }
         if straight {

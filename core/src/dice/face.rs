@@ -118,9 +118,9 @@ impl<'a> FaceDicer<'a> {
         self.sampler.evaluations
     }
 
-    /// Dices `face` to the end of `part`.
-    pub fn dice(&mut self, face: u32, part: &mut Part) -> Result<(), Leave> {
-        let range = self.base.face_edges(face);
+    /// Dices `face`, whose edges are those of `row` of the base mesh, to the end of `part`.
+    pub fn dice(&mut self, row: u32, face: u32, part: &mut Part) -> Result<(), Leave> {
+        let range = self.base.face_edges(row);
         if range.is_empty() {
             return Ok(());
         }

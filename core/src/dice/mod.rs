@@ -39,6 +39,7 @@
 
 mod base;
 mod budget;
+pub mod clusters;
 mod curve;
 mod edges;
 pub mod eye;
@@ -50,6 +51,7 @@ mod patch;
 mod sampler;
 mod source;
 
+pub use clusters::{ClusterRule, Clusters};
 pub use eye::Eye;
 pub use metric::{RasterMetric, RasterView};
 
@@ -254,7 +256,7 @@ fn dice_faces(
                 let mut part = Part::new(channels, normal_keys);
                 let before = dicer.evaluations();
                 for face in c * chunk..((c + 1) * chunk).min(face_count) {
-                    match dicer.dice(face as u32, &mut part) {
+                    match dicer.dice(face as u32, face as u32, &mut part) {
                         Ok(()) => {}
                         Err(Leave::NotFinite) => part.drop_face(),
                         Err(Leave::Halt(halt)) => return Err(halt),

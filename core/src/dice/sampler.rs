@@ -71,6 +71,21 @@ impl<'a> Sampler<'a> {
         &self.mapped
     }
 
+    /// Points whose hull contains the bound face at output keys, `[key][n]`, and the largest coordinate of
+    /// those in object space; nothing where none are known.
+    pub fn hull(&mut self, out: &mut Vec<Vec3>) -> Option<f32> {
+        let points = &mut self.limit.positions;
+        if !self.evaluator.hull(points) || points.is_empty() {
+            return None;
+        }
+        let reach = points.iter().fold(Vec3::ZERO, |most, p| most.max(p.abs()));
+        // A maximum passes over NaN.
+        let finite = points.iter().all(|p| p.is_finite());
+        self.path
+            .map_positions(points, points.len() / self.path.point_key_count(), out);
+        (finite && out.iter().all(|p| p.is_finite())).then(|| reach.max_element())
+    }
+
     fn evaluate(
         &mut self,
         domain: PatchDomain,

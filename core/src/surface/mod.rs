@@ -105,7 +105,22 @@ pub trait LimitEvaluator {
         st: &[Vec2],
         out: &mut Vec<f32>,
     );
+    /// Points whose convex hull contains the bound face at each key: `out` becomes `[key][n]`. At every
+    /// key each position that [`Self::evaluate`] answers is the same mean of the points, with weights of 0
+    /// or more, up to rounding by `HULL_ROUNDING` of the largest coordinate. False where no such points
+    /// are known.
+    fn hull(&mut self, out: &mut Vec<Vec3>) -> bool {
+        out.clear();
+        false
+    }
 }
+
+/// By how much a position may lie outside of its hull (see [`LimitEvaluator::hull`]), per unit of the largest
+/// coordinate of the surface's hulls. A bicubic position in f32 errs by about 40 units of roundoff (each
+/// basis function by 4, their sums by 4, in two directions), a patch point that is summed from the
+/// controls around a vertex of valence n by about 2 n; and twice that, since a vertex may have been
+/// evaluated on the face beside.
+pub const HULL_ROUNDING: f64 = 256.0 / (1u64 << 24) as f64;
 
 /// How a channel's values are spread over the mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

@@ -180,6 +180,33 @@ impl Bound {
     }
 }
 
+impl Bound {
+    /// Points whose hull contains the bound surface, by `sink(lane, point)`. False where there is none.
+    fn hull(
+        &mut self,
+        parameterization: Parameterization,
+        mut sink: impl FnMut(usize, Vec4),
+    ) -> bool {
+        match self.state {
+            State::None => return false,
+            State::Own => self.patches.hull(&self.points, parameterization, sink),
+            State::Patches => {
+                let points = self.patch.points();
+                self.patches.hull(points, parameterization, sink);
+            }
+            // Each patch of the library is a mean of its patch points.
+            State::Library => {
+                for points in self.patch.points().chunks_exact(self.lanes * POINT) {
+                    for (lane, p) in points.chunks_exact(POINT).enumerate() {
+                        sink(lane, Vec4::from_slice(p));
+                    }
+                }
+            }
+        }
+        true
+    }
+}
+
 /// Where on the bound face.
 struct Place<'a> {
     parameterization: Parameterization,
@@ -367,6 +394,22 @@ impl LimitEvaluator for OsdEvaluator<'_> {
             };
             self.vertex.evaluate(&place, true, &mut self.uv, sink);
         }
+    }
+
+    fn hull(&mut self, out: &mut Vec<Vec3>) -> bool {
+        out.clear();
+        // Linear faces of a smooth mesh do not meet their neighbours.
+        if !self.surface.is_bilinear && self.surface.is_linear_face(self.face) {
+            return false;
+        }
+        let parameterization = Parameterization::of_face(self.surface.is_loop, self.size);
+        let mut lanes = vec![Vec::new(); self.surface.key_count()];
+        let sink = |lane: usize, p: Vec4| lanes[lane].push(p.xyz());
+        let known = self.vertex.hull(parameterization, sink);
+        lanes
+            .iter()
+            .for_each(|points| out.extend_from_slice(points));
+        known
     }
 
     fn evaluate_channel(

@@ -290,6 +290,14 @@ impl LimitEvaluator for Evaluator<'_> {
         }
     }
 
+    fn hull(&mut self, out: &mut Vec<Vec3>) -> bool {
+        out.clear();
+        // Weights below 0 make a rational mean leave the hull.
+        let sound = self.net.points.iter().all(|&(_, w)| w > 0.0);
+        out.extend(self.net.points.iter().map(|&(p, w)| (p / w).as_vec3()));
+        sound
+    }
+
     fn evaluate_channel(
         &mut self,
         channel: usize,

@@ -35,6 +35,10 @@ trait Quadric: Send + Sync {
     fn key_count(&self) -> usize;
     /// Calls `emit(key, sample)` for every key at `(s, t)` of a face.
     fn sample(&self, face: usize, s: f64, t: f64, emit: &mut dyn FnMut(usize, Sample));
+    /// Least and greatest corner of a box around a face, at each key; nothing where it is not known.
+    fn boxes(&self, _face: usize) -> Vec<[DVec3; 2]> {
+        Vec::new()
+    }
 }
 
 /// A sphere, cylinder, cone or capsule; see the module's text.
@@ -156,6 +160,18 @@ impl LimitEvaluator for Evaluator<'_> {
                 }
             });
         }
+    }
+
+    fn hull(&mut self, out: &mut Vec<glam::Vec3>) -> bool {
+        out.clear();
+        let boxes = self.surface.shape.boxes(self.face);
+        for ends in &boxes {
+            out.extend((0..8usize).map(|i| {
+                let corner = DVec3::new(ends[i & 1].x, ends[i >> 1 & 1].y, ends[i >> 2].z);
+                self.surface.turn(corner).as_vec3()
+            }));
+        }
+        !boxes.is_empty()
     }
 
     fn evaluate_channel(&mut self, _: usize, _: PatchDomain, _: &[Vec2], out: &mut Vec<f32>) {

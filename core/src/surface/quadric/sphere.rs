@@ -2,7 +2,7 @@
 //! one face differ by less than a half in area, and both faces of an edge divide it alike.
 
 use glam::DVec3;
-use std::f64::consts::FRAC_PI_4;
+use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_4};
 
 use super::{Quadric, Sample};
 
@@ -44,5 +44,22 @@ impl Quadric for Sphere {
             let position = normal * *radius;
             emit(key, Sample { position, normal });
         }
+    }
+
+    fn boxes(&self, face: usize) -> Vec<[DVec3; 2]> {
+        // The axis that all four corners agree on: there the normal has 1/sqrt(3) (at a corner) to 1, and
+        // across it up to 1/sqrt(2) either way (at the middle of an edge).
+        let corners = FACES[face];
+        let same = corners.iter().fold(!0, |bits, c| bits & !(c ^ corners[0])) & 7;
+        let (mut low, mut high) = (DVec3::splat(-FRAC_1_SQRT_2), DVec3::splat(FRAC_1_SQRT_2));
+        let axis = same.trailing_zeros() as usize;
+        let least = 1.0 / 3f64.sqrt();
+        let (from, to) = match corners[0] >> axis & 1 {
+            1 => (least, 1.0),
+            _ => (-1.0, -least),
+        };
+        (low[axis], high[axis]) = (from, to);
+        let radii = self.radii.iter();
+        radii.map(|&radius| [low * radius, high * radius]).collect()
     }
 }

@@ -69,6 +69,22 @@ pub(crate) fn extrapolate(p: &mut [Vec4], mask: u8) {
     }
 }
 
+/// Bezier points of the same patch: their hull fits it closely.
+pub(crate) fn bezier(p: &[Vec4; CONTROLS]) -> [Vec4; CONTROLS] {
+    let line = |[a, b, c, d]: [Vec4; 4]| {
+        [
+            (a + b * 4.0 + c) * SIXTH,
+            (b * 2.0 + c) * (2.0 * SIXTH),
+            (b + c * 2.0) * (2.0 * SIXTH),
+            (b + c * 4.0 + d) * SIXTH,
+        ]
+    };
+    let rows: [[Vec4; 4]; 4] = std::array::from_fn(|j| line(std::array::from_fn(|i| p[4 * j + i])));
+    let columns: [[Vec4; 4]; 4] =
+        std::array::from_fn(|i| line(std::array::from_fn(|j| rows[j][i])));
+    std::array::from_fn(|k| columns[k % 4][k / 4])
+}
+
 /// Sums the columns of one lane's control points at `v`.
 #[inline(always)]
 pub(crate) fn sum_columns(p: &[Vec4; CONTROLS], v: f32, derivatives: bool, row: &mut [Vec4; ROW]) {

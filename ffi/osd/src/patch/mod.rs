@@ -210,6 +210,35 @@ impl Patches {
         }
     }
 
+    /// Calls `sink(lane, point)` with points whose hull contains all of the face; as many for each lane, in
+    /// the same order.
+    pub(crate) fn hull(
+        &mut self,
+        points: &[f32],
+        parameterization: Parameterization,
+        mut sink: impl FnMut(usize, Vec4),
+    ) {
+        for leaf in 0..self.leaf_slots.len() as u32 {
+            let slot = match self.leaf_slots[leaf as usize] {
+                UNUSED => self.prepare(points, parameterization, leaf),
+                slot => slot,
+            };
+            let pools = &self.pools;
+            for lane in 0..self.lanes {
+                let mut all = |points: &[Vec4]| points.iter().for_each(|&p| sink(lane, p));
+                match self.prepared[slot as usize] {
+                    Prepared::BSpline { first, .. } => {
+                        all(&bspline::bezier(&pools.bspline[first + lane]));
+                    }
+                    Prepared::Gregory(first) => all(&pools.gregory[first + lane]),
+                    Prepared::Triangle(first) => all(&pools.triangle[first + lane]),
+                    Prepared::Bilinear(first) => all(&pools.bilinear[first + lane]),
+                    Prepared::Flat(first) => all(&pools.flat[first + lane]),
+                }
+            }
+        }
+    }
+
     /// Gathers the control points of a leaf; gives its slot.
     fn prepare(&mut self, points: &[f32], parameterization: Parameterization, leaf: u32) -> u32 {
         let (lanes, pools) = (0..self.lanes, &mut self.pools);
