@@ -10,7 +10,7 @@ use glam::Vec3;
 use hdtrapeze_simd::{Float, Kernel, Level, Mask, Simd};
 
 use super::block::{Block, CellRect, GROUPS, Span, loose, loose_count};
-use super::{Bounds8, COORDINATE_LIMIT, Frame, LinearBox, ROTATION_PAD};
+use super::{Bounds8, COORDINATE_LIMIT, Frame, LinearBox, ROTATION_PAD, ROTATION_TINY};
 use crate::grid::PlanarMesh;
 
 /// Relative cost of turning a ray into a node's frame (9 products, 3 reciprocals), in units of
@@ -294,6 +294,10 @@ fn ranges<S: Simd>(
         }
         lo[axis] = least.or(lanes, above).least();
         hi[axis] = most.or(lanes, below).most();
+        if frame.is_some() {
+            lo[axis] -= ROTATION_TINY;
+            hi[axis] += ROTATION_TINY;
+        }
     }
     (lo, hi)
 }

@@ -86,15 +86,26 @@ impl LinearBox {
     /// move by the excess over the chord, so that what was contained stays so.
     pub fn raise(&mut self, time: f32, lo: Vec3, hi: Vec3) {
         for a in 0..3 {
-            let excess = excess(self.lo0[a], self.lo1[a], time, lo[a], -1.0);
-            if excess > 0.0 {
-                self.lo0[a] = round_down(f64::from(self.lo0[a]) - excess);
-                self.lo1[a] = round_down(f64::from(self.lo1[a]) - excess);
+            let (lo0, lo1) = (&mut self.lo0[a], &mut self.lo1[a]);
+            if lo0 == lo1 {
+                // A constant chord: nothing is rounded.
+                (*lo0, *lo1) = (lo0.min(lo[a]), lo1.min(lo[a]));
+            } else {
+                let excess = excess(*lo0, *lo1, time, lo[a], -1.0);
+                if excess > 0.0 {
+                    *lo0 = round_down(f64::from(*lo0) - excess);
+                    *lo1 = round_down(f64::from(*lo1) - excess);
+                }
             }
-            let excess = self::excess(self.hi0[a], self.hi1[a], time, hi[a], 1.0);
-            if excess > 0.0 {
-                self.hi0[a] = round_up(f64::from(self.hi0[a]) + excess);
-                self.hi1[a] = round_up(f64::from(self.hi1[a]) + excess);
+            let (hi0, hi1) = (&mut self.hi0[a], &mut self.hi1[a]);
+            if hi0 == hi1 {
+                (*hi0, *hi1) = (hi0.max(hi[a]), hi1.max(hi[a]));
+            } else {
+                let excess = excess(*hi0, *hi1, time, hi[a], 1.0);
+                if excess > 0.0 {
+                    *hi0 = round_up(f64::from(*hi0) + excess);
+                    *hi1 = round_up(f64::from(*hi1) + excess);
+                }
             }
         }
     }
@@ -109,21 +120,20 @@ impl LinearBox {
     }
 }
 
-/// How far `value` at `time` lies beyond the chord from `b0` to `b1`, outward being `sign`. f64
-/// rounds here by at most `4 * 2^-53` of the operands, which `EXCESS_ROUNDING` adds on top.
+/// At least how far `value` at `time` lies beyond the chord from `b0` to `b1`, outward being `sign`; 0 or less where
+/// it surely does not. Both ends of a bound may be moved by it with one rounding more.
+///
+/// In units of 2^-53 and with `m` the larger of `|b0|` and `|b1|`, the difference errs by `|b0| + |b1|`, the product by as
+/// much again (`time` is at most 1), the chord, which lies between its ends, by `m`, and what `value` has more by
+/// `m + |value|`: together at most `4 (|b0| + |b1|) + |value|`. Adding the rounding and moving a bound, in f64, err by
+/// `3 (|b0| + |b1|) + 2 |value|` more. So 8 times the sum of all three covers everything. No exponent
+/// of a product of two f32 leaves f64's range.
 fn excess(b0: f32, b1: f32, time: f32, value: f32, sign: f64) -> f64 {
-    /// Four roundings (difference, product, sum, difference) of 2^-53 each, doubled.
+    /// See the function's text.
     const EXCESS_ROUNDING: f64 = 8.0 / (1u64 << 53) as f64;
     let (b0, b1, value) = (f64::from(b0), f64::from(b1), f64::from(value));
     let chord = b0 + (b1 - b0) * f64::from(time);
-    let rounding = EXCESS_ROUNDING * (b0.abs() + b1.abs() + value.abs());
-    let excess = (value - chord) * sign;
-    if excess > -rounding && b0 != b1 {
-        excess + rounding
-    } else {
-        // On a constant chord the comparison is exact.
-        excess
-    }
+    (value - chord) * sign + EXCESS_ROUNDING * (b0.abs() + b1.abs() + value.abs())
 }
 
 /// Largest f32 not above `x`.

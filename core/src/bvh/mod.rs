@@ -50,7 +50,12 @@ pub const U: f32 = 1.0 / (1 << 24) as f32;
 /// stay below f32's largest number, 2^128. Blocks beyond are dropped, and counted.
 pub const COORDINATE_LIMIT: f32 = (1u64 << 60) as f32;
 
-/// What bounds in a rotated frame are widened by, in units of `U * sum |P_i|` of the vertex at hand.
-/// The dot product of three terms in f32 errs by at most `3 U sum |a_i P_i|` and terms of order
-/// `U^2`, and `|a_i| <= 1 + 4 U`; 4 covers both.
-pub const ROTATION_PAD: f32 = 4.0 * U;
+/// What bounds in a rotated frame are widened by, per `sum |P_i|` of the vertex at hand. In units of `U sum |P_i|`,
+/// with `|a_i| <= 1 + 4 U`: the products of the dot product are off by 1, each of its two sums by at most 1, and
+/// adding the pad to it by 1 again. The fifth is for all that is of order `U`: the pad's own sums and the axes' length.
+pub const ROTATION_PAD: f32 = 5.0 * U;
+
+/// What they are widened by besides: 2^-146, for products below f32's normal numbers. There, each of the three products
+/// and the pad itself are off by at most 2^-150, absolutely, 2^-148 together; adding this rounds by at most 2^-147
+/// below 2^-122, and beyond, the unit that [`ROTATION_PAD`] has to spare is larger.
+pub const ROTATION_TINY: f32 = f32::from_bits(8);

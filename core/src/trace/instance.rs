@@ -12,15 +12,25 @@
 //! of the larger of the two. Both ends of a segment are raised by that; then the chord over the
 //! shutter is raised over all of them, as for keys of vertices ([`crate::bvh::linear`]).
 //!
+//! All of this is computed in f64, whose rounding is 2^-29 of the pads below.
+//!
 //! **Pads.** A hit is found on the object's own, rounded ray. In the world that ray misses the true
 //! one by up to `34 U |M| S` (27.8 for vertices, 1.8 for `t`, 1.8 each for the rounded origin and
-//! direction; S as in [`super::object_ray`], in object space), and `|M| S <= 3 c (|origin| + R)`,
-//! with `c = |M| |M^-1|` the condition (Frobenius norms) and R the instance's reach, which bounds its
-//! translations, `|M| radius` and its box. The share of `R` widens the box. The share of `|origin|` is
+//! direction; S as in [`super::object_ray`], in object space). With `c = |M| |M^-1|` the condition (Frobenius norms)
+//! and R the instance's reach, which bounds its translations, `sqrt(3) |M| radius` and its box,
+//! `|M| S <= sqrt(3) c (|origin| + R) + R / sqrt(3)`. Besides, the fraction between the keys of a matrix errs by 3 of a step
+//! of up to 2 R of the linear part and as much of the translation: `12 U R`. As c is at least 3, both are
+//! less than `102 U c (|origin| + R)`. The share of `R` widens the box. The share of `|origin|` is
 //! the ray's: it pads slabs by `NEAR_CONDITION |origin|`, and what a worse condition needs beyond that
 //! widens its own box, for origins inside the world's radius; rays that start farther out pay for the
 //! worst condition ([`super::world`]). So a box grows with its distance from the world's origin, which is
 //! near the camera, and not with the size of the world.
+//!
+//! **Condition between keys.** Where M goes straight from one key to the next, its norm is at most that of the worse
+//! end. Its inverse is the transposed matrix of cofactors, of degree 2 in time, over the determinant, of degree 3; both
+//! lie within the range of their Bernstein coefficients, which bounds the condition for all times between
+//! ([`condition_between`]), in halves where the bound is loose. Where the determinant comes near 0 there is
+//! no bound: [`CONDITION_LIMIT`] stands for it, and rays that meet a worse matrix at their time miss.
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 
@@ -28,7 +38,7 @@ use super::places::{InstanceSet, Places};
 use crate::bvh::linear::{round_down, round_up};
 use crate::bvh::{COORDINATE_LIMIT, LinearBox, U};
 
-/// `3 * 34` of the module's text, rounded up.
+/// 102 of the module's text, rounded up.
 pub const INSTANCE_PAD: f32 = 104.0 * U;
 
 /// Condition (see [`INSTANCE_PAD`]'s derivation) that every ray's pad allows for: rotations and uniform
@@ -61,7 +71,7 @@ pub enum InstanceTransform {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Bounded {
     pub bounds: LinearBox,
-    /// Bounds translations, `|M| radius` and the bounds themselves.
+    /// Bounds translations, `sqrt(3) |M| radius` and the bounds themselves.
     pub reach: f32,
     /// Condition of the transform; 1 for translations.
     pub condition: f32,
@@ -100,15 +110,13 @@ impl Bounded {
                 }
                 let keys = &records[i * key_times.len()..][..key_times.len()];
                 matrices.extend(keys.iter().map(|r| r.at_key(world_origin)));
-                // Keys and the middle of segments stand for all times; twice the largest leaves room.
                 for m in matrices.iter() {
                     worst = worst.max(condition(&m.matrix3)?);
                 }
                 for w in matrices.windows(2) {
-                    let middle = (w[0].matrix3 + w[1].matrix3) * 0.5;
-                    worst = worst.max(condition(&middle).unwrap_or(CONDITION_LIMIT as f32));
+                    let between = condition_between(&w[0].matrix3, &w[1].matrix3, HALVINGS);
+                    worst = worst.max(round_up(between.min(CONDITION_LIMIT)));
                 }
-                worst *= 2.0;
             }
         }
         let key_times = set.key_times().unwrap_or(&[0.0]);
@@ -136,10 +144,64 @@ fn frobenius(m: &DMat3) -> f64 {
 /// Condition of a matrix, or none where it cannot be traced (also NaN).
 fn condition(m: &DMat3) -> Option<f32> {
     let c = frobenius(m) * frobenius(&m.inverse());
-    (c <= CONDITION_LIMIT).then_some(c as f32)
+    (c <= CONDITION_LIMIT).then_some(round_up(c))
+}
+
+/// Halvings of a segment whose condition is not bounded well.
+const HALVINGS: u32 = 6;
+
+/// Bounds the condition of all matrices straight between two; infinity where no bound is found. Derived in the
+/// module's text.
+fn condition_between(a: &DMat3, b: &DMat3, halvings: u32) -> f64 {
+    let cofactors = |m: &DMat3| {
+        let [x, y, z] = columns(m);
+        DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y))
+    };
+    let middle = (*a + *b) * 0.5;
+    let (first, last) = (cofactors(a), cofactors(b));
+    let inner = cofactors(&middle) * 2.0 - (first + last) * 0.5;
+    let norm = frobenius(&first)
+        .max(frobenius(&last))
+        .max(frobenius(&inner));
+    // A third of the determinant's derivative at an end is what its second coefficient there has more.
+    let step = *b - *a;
+    let third = |c: &DMat3| {
+        columns(c)
+            .iter()
+            .zip(columns(&step))
+            .map(|(c, s)| c.dot(s))
+            .sum::<f64>()
+            / 3.0
+    };
+    let (d0, d3) = (a.determinant(), b.determinant());
+    let coefficients = [d0, d0 + third(&first), d3 - third(&last), d3];
+    let least = coefficients
+        .iter()
+        .fold(f64::INFINITY, |l, &d| l.min(d * d0.signum()));
+    let bound = if least > 0.0 {
+        frobenius(a).max(frobenius(b)) * norm / least
+    } else {
+        f64::INFINITY
+    };
+    let ends =
+        [(a, &first, d0), (b, &last, d3)].map(|(m, c, d)| frobenius(m) * frobenius(c) / d.abs());
+    if halvings == 0 || bound <= 2.0 * ends[0].max(ends[1]) {
+        return bound;
+    }
+    condition_between(a, &middle, halvings - 1).max(condition_between(&middle, b, halvings - 1))
+}
+
+/// True where rays may be carried through `inverse`, that of `m`: the condition is within the limit. False for NaN.
+#[inline]
+pub(super) fn may_invert(m: &DMat3, inverse: &DMat3) -> bool {
+    let squared = |m: &DMat3| columns(m).iter().map(|c| c.length_squared()).sum::<f64>();
+    squared(m) * squared(inverse) <= CONDITION_LIMIT * CONDITION_LIMIT
 }
 
 fn reach(bounds: &LinearBox, matrices: &[DAffine3], radius: f64) -> f32 {
+    /// Smaller objects count as this large: below f32's normal numbers, rays err by 2^-150, absolutely.
+    const LEAST_RADIUS: f64 = 1.0 / (1u128 << 100) as f64;
+    let radius = radius.max(LEAST_RADIUS);
     matrices.iter().fold(bounds.max_abs(), |r, m| {
         let t = m.translation.abs().max_element();
         r.max(t as f32)

@@ -8,20 +8,29 @@
 //! and every stored bound:
 //!
 //! - a vertex at the ray's time: the fraction between keys errs by 3 (two differences, a quotient)
-//!   of a step of up to 2 radii: 6; its interpolation by 5; the translation by 1; the shear by 4 (the
-//!   slope, a product, a difference of up to 2 S): 16 an axis, 27.8 as a length;
+//!   of a step of up to 2 radii: 6; its interpolation by 5 (2, 2, and 1 for the sum, which lies between the ends);
+//!   the translation by 1; the shear by 4 (the slope, a product, a difference of up to 2 S): 16 an axis, 27.8 as a
+//!   length. What the first two do to `z` is part of the vertex that is sheared, not of the shear. A hit is a mean of
+//!   three such vertices, with weights that are not negative, so it is no farther off than they;
 //! - `t` is rounded once, over a distance of at most sqrt(3) S: 1.8;
 //! - the turned origin, three products: 5.2; the turned direction, the same at distance `t`, and its
 //!   clamping (below): 7;
 //! - the slab test of [`crate::bvh::node`]: for a plane `(1 - T)(o0 + s0 q0) + T (o1 + s1 q1)` it sums
 //!   `s0 q0 i0`, `s1 q1 i1`, `o0 i0`, `o1 i1` and `-(o + pad) / d`, where `i0` is `(1 - T) / d` to 3 roundings
 //!   and `i1` is `T / d` to 2. The products are off by 5, 4, 4, 3 and 3 of themselves, the sums before the
-//!   last by 1 each; with `|s q| <= 2 R` and each end's `|o| <= R` that is at most `20 R + 7 |o|`, and in
-//!   a rotated frame, whose coordinates are up to sqrt(3) larger, 34.7.
+//!   last by 1 each (of at most R, and R + |o| twice); with `|s q| <= 2 R` and each end's `|o| <= R` that is at most
+//!   `20 R + 7 |o|`, and in a rotated frame, whose coordinates are up to sqrt(3) larger, 34.7. The last sum, of what is
+//!   not beyond `t` before it is rounded, is not beyond `t` after: `t` is an f32.
 //!
 //! The sum is 76.5; [`SLAB_PAD`] is 80, which leaves room for terms of order `U^2`. So for an accepted
 //! hit at `t`, every axis of every node above it answers `near <= t <= far` in f32, and hits found do
 //! not depend on the order of traversal.
+//!
+//! **Below f32's normal numbers** a product is off by up to 2^-150, however small it is. In coordinates (interpolation,
+//! shear, and three products that turn an origin), that is a distance of less than 2^-146. In `t`, it is multiplied
+//! by the direction: `s0 i0` and `s1 i1` are so off before they are multiplied by up to 255, all else once, 2^-140
+//! together. [`TINY_PAD`] is 2^-126, for each unit of the direction and for one more: the pad of no ray that is not tiny
+//! or absurdly fast has other bits for it.
 //!
 //! **Directions near zero.** A component of the turned direction smaller than `U max |dir|` is
 //! replaced by that, with its sign: over the distance of a hit the ray moves by no more than `U` of
@@ -36,6 +45,10 @@ use crate::bvh::{Frame, U};
 
 /// Pad of slab tests per unit of `|origin| + radius`; derived in the module's text.
 pub const SLAB_PAD: f32 = 80.0 * U;
+
+/// What slab tests are padded by besides, per unit of the direction's largest component and one; derived in the
+/// module's text.
+pub const TINY_PAD: f32 = f32::MIN_POSITIVE;
 
 /// Smallest and largest magnitude of a direction's largest component. Rays beyond are answered as misses.
 pub const DIR_RANGE: RangeInclusive<f32> = 1.0 / (1u64 << 60) as f32..=(1u64 << 60) as f32;
@@ -69,11 +82,12 @@ impl ObjectRay {
         Self::padded(origin, dir, time, pad)
     }
 
-    /// Prepares a ray whose slab tests are padded by `pad`, which is no less than [`ObjectRay::new`]'s.
+    /// Prepares a ray whose slab tests are padded by `pad`, no less than [`SLAB_PAD`] asks for, and by [`TINY_PAD`].
     #[inline]
     pub fn padded(origin: Vec3, dir: Vec3, time: f32, pad: f32) -> Option<Self> {
         let reach = origin.abs().max_element();
         let longest = dir.abs().max_element();
+        let pad = pad + (longest + 1.0) * TINY_PAD;
         // Written so that NaN fails; NaN in one component may pass a maximum, so all are asked.
         let sound = reach < crate::bvh::COORDINATE_LIMIT
             && DIR_RANGE.contains(&longest)

@@ -7,7 +7,7 @@ use glam::Vec3;
 use hdtrapeze_simd::{Float, Mask, Simd};
 
 use super::cell::CellRay;
-use super::object_ray::{DIR_RANGE, LEAST_DIR, ObjectRay, SLAB_PAD};
+use super::object_ray::{DIR_RANGE, LEAST_DIR, ObjectRay, SLAB_PAD, TINY_PAD};
 use crate::bvh::node::Lattice8;
 use crate::bvh::{Bounds8, COORDINATE_LIMIT, Frame, U};
 use crate::grid::locate_key;
@@ -119,6 +119,7 @@ impl<'a, S: Simd> Packet<'a, S> {
             Some(pad) => pad,
             None => (reach + simd.all16(radius)) * simd.all16(SLAB_PAD),
         };
+        let pad = pad + (longest + simd.all16(1.0)) * simd.all16(TINY_PAD);
         // Comparisons with NaN are false; each component is asked, since maxima may pass it over.
         let limit = simd.all16(COORDINATE_LIMIT);
         let most = simd.all16(*DIR_RANGE.end());

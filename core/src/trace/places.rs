@@ -20,6 +20,7 @@ use std::sync::Arc;
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use hdtrapeze_simd::{Float, Simd};
 
+use super::instance::may_invert;
 use super::packet::{LANES, Rays};
 use crate::bvh::ObjectGeometry;
 use crate::grid::locate_key;
@@ -179,7 +180,7 @@ impl InstanceSet {
     }
 
     /// Origin and direction of a ray, relative to `world_origin`, in the object's space. Numbers that are
-    /// not finite where the matrix is singular: no ray can be prepared from them.
+    /// not finite where the matrix is singular, or nearly ([`super::instance::CONDITION_LIMIT`]): no ray can be prepared from them.
     #[inline]
     pub(super) fn to_object(
         &self,
@@ -206,6 +207,9 @@ impl InstanceSet {
             Places::Moving { key_times, records } => {
                 let m = moving_at(key_times, records, i, time, world_origin);
                 let inverse = m.matrix3.inverse();
+                if !may_invert(&m.matrix3, &inverse) {
+                    return (Vec3::NAN, Vec3::NAN);
+                }
                 (
                     (inverse * (origin.as_dvec3() - m.translation)).as_vec3(),
                     (inverse * dir.as_dvec3()).as_vec3(),

@@ -57,7 +57,7 @@ pub struct World {
     set_of: Vec<u32>,
     pub(super) top: TopTree,
     pub(super) origin: DVec3,
-    /// Bounds every instance's bounds, translation, and `|M| radius`.
+    /// Bounds every instance's bounds, translation, and `sqrt(3) |M| radius`.
     pub(super) radius: f32,
     /// Largest condition of a transform.
     pub(super) condition: f32,
@@ -211,6 +211,12 @@ impl World {
     /// included: with a ray's origin, the scale that rounding is measured by.
     pub fn radius(&self) -> f32 {
         self.radius
+    }
+
+    /// Bounds the condition (product of the Frobenius norms of a matrix and its inverse) of every instance at every
+    /// time, but where rays miss for it; see [`super::instance::CONDITION_LIMIT`].
+    pub fn condition(&self) -> f32 {
+        self.condition
     }
 
     /// The same world, traced with other instructions than the best that there are.

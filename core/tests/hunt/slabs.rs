@@ -1,0 +1,185 @@
+//! Slab tests against micropolygon tests: no triangle that is accepted may be culled by a box that contains it.
+
+use std::collections::HashMap;
+
+use glam::Vec3;
+use hdtrapeze_core::bvh::bound::bound_groups;
+use hdtrapeze_core::bvh::node::enter;
+use hdtrapeze_core::bvh::{Bounds8, Frame, LinearBox, LinearSlabs, StaticSlabs};
+use hdtrapeze_core::grid::PlanarMesh;
+use hdtrapeze_core::trace::cell::CellRay;
+use hdtrapeze_core::trace::object_ray::ObjectRay;
+use hdtrapeze_simd::{Kernel, Level, Simd};
+
+use crate::boxes::{CELL, frame, vec3};
+use crate::climb::{Genes, climb};
+use crate::trace_scenes::mesh;
+
+/// A cell, a ray at it, and the frame that it is bounded in.
+struct Case {
+    mesh: PlanarMesh,
+    boxes: [LinearBox; 2],
+    frame: Frame,
+    radius: f32,
+    ray: (Vec3, Vec3, f32),
+}
+
+impl Case {
+    fn new(genes: &mut Genes<'_>, scale: i32) -> Case {
+        let keys: &[f32] = match genes.below(3) {
+            0 => &[0.0],
+            1 => &[0.0, 1.0],
+            _ => &[0.0, 0.3, 1.0],
+        };
+        let time = genes.unit();
+        // Most often as large as the object's reach, and seen from as far: then all roundings count.
+        let far = |genes: &mut Genes<'_>, most| match genes.below(3) {
+            0 => genes.whole(0, most),
+            _ => genes.whole(0, 2),
+        };
+        let size = (scale - far(genes, 30)).max(-149);
+        let offset = match genes.below(2) {
+            0 => Vec3::ZERO,
+            _ => vec3(genes, (scale - 2).max(-149), scale),
+        };
+        // Flat in an axis, or none.
+        let flat = genes.below(6);
+        let corners: Vec<Vec3> = (0..4 * keys.len())
+            .map(|_| {
+                let mut p = vec3(genes, (size - 3).max(-149), size) + offset;
+                if flat < 3 {
+                    p[flat] = offset[flat];
+                }
+                p
+            })
+            .collect();
+        let corner: HashMap<(u32, u32), usize> =
+            [(0.0f32, 0.0f32), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)]
+                .into_iter()
+                .zip(0..)
+                .map(|((u, v), i)| ((u.to_bits(), v.to_bits()), i))
+                .collect();
+        let of = |u: f32, v: f32, t: f32| {
+            let key = keys.iter().position(|&k| k == t).unwrap_or(0);
+            corners[4 * key + corner[&(u.to_bits(), v.to_bits())]]
+        };
+        let planar = PlanarMesh::from(mesh(&[(1, 1)], keys, |_, u, v, t| of(u, v, t)));
+        let frame = frame(genes);
+        let bounds = bound_groups(Level::best(), &planar, &[(0, CELL)], &frame)[0];
+        // A neighbour that decides where planes lie.
+        let by = vec3(genes, (size - 3).max(-149), scale);
+        let neighbour = LinearBox {
+            lo0: bounds.lo0 + by,
+            hi0: bounds.hi0 + by,
+            lo1: bounds.lo1 - by,
+            hi1: bounds.hi1 - by,
+        };
+        let mut boxes = [bounds, neighbour];
+        if genes.below(2) == 0 {
+            boxes[1] = bounds;
+        }
+        let radius = corners
+            .iter()
+            .fold(0.0f32, |r, p| r.max(p.abs().max_element()));
+        // Somewhere on one of the triangles, near its rim or not, at the time.
+        let (k, f) = hdtrapeze_core::grid::locate_key(keys, time);
+        let next = (k + 1).min(keys.len() - 1);
+        let at = |i: usize| corners[4 * k + i] + (corners[4 * next + i] - corners[4 * k + i]) * f;
+        let (a, b) = (genes.unit(), genes.unit());
+        let target = at(0) + (at(1) - at(0)) * a.max(b) + (at(3) - at(1)) * a.min(b);
+        let reach = (scale - far(genes, 20) + far(genes, 6)).clamp(-149, 59);
+        let origin = target + vec3(genes, (reach - 3).max(-149), reach);
+        let dir = (target - origin) * (genes.whole(-40, 40) as f32).exp2();
+        Case {
+            mesh: planar,
+            boxes,
+            frame,
+            radius,
+            ray: (origin, dir, time),
+        }
+    }
+}
+
+/// How much of the pad it takes until no hit is culled; none where nothing is hit.
+struct Culled<'a, B>(&'a Case, std::marker::PhantomData<B>);
+
+impl<B: Bounds8> Kernel for Culled<'_, B> {
+    type Output = Option<f64>;
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> Option<f64> {
+        let case = self.0;
+        let bounds = B::pack(&case.boxes);
+        let (origin, dir, time) = case.ray;
+        let time = if B::MOVING { time } else { 0.0 };
+        let ray = ObjectRay::new(origin, dir, time, case.radius.max(bounds.max_abs()))?;
+        let cells = CellRay::new(&ray, &case.mesh.key_times);
+        let mut hits = Vec::new();
+        if B::MOVING {
+            cells.test_group::<S, true, false>(simd, &case.mesh, 0, CELL, None, |_, hit| {
+                hits.push(hit.t)
+            });
+        } else {
+            cells.test_group::<S, false, false>(simd, &case.mesh, 0, CELL, None, |_, hit| {
+                hits.push(hit.t)
+            });
+        }
+        let turned = |ray: &ObjectRay| match case.frame == Frame::IDENTITY {
+            true => ray.slab,
+            false => ray.turned(&case.frame),
+        };
+        let entered = |share: f64, t: f32| {
+            let pad = (f64::from(ray.pad) * share) as f32;
+            ObjectRay::padded(origin, dir, time, pad)
+                .is_some_and(|ray| enter(simd, &bounds, 1, &turned(&ray), t, t).0 == 1)
+        };
+        let mut worst: Option<f64> = None;
+        for t in hits {
+            // With the ray's own pad first: what is hit must be entered, whatever scaled pads say.
+            let used = if enter(simd, &bounds, 1, &turned(&ray), t, t).0 != 1 {
+                2.0
+            } else {
+                let (mut no, mut yes) = (-1.0, 1.0);
+                for _ in 0..12 {
+                    let middle = (no + yes) * 0.5;
+                    if entered(middle, t) {
+                        yes = middle
+                    } else {
+                        no = middle
+                    }
+                }
+                yes
+            };
+            worst = Some(worst.map_or(used, |w| w.max(used)));
+        }
+        worst
+    }
+}
+
+fn score(case: &Case, level: Level) -> f64 {
+    let used = if case.mesh.is_moving() {
+        level.run(Culled::<LinearSlabs>(case, std::marker::PhantomData))
+    } else {
+        level.run(Culled::<StaticSlabs>(case, std::marker::PhantomData))
+    };
+    used.unwrap_or(f64::NEG_INFINITY)
+}
+
+fn hunt(what: &str, scales: (i32, i32), seed: u64, least: f64) {
+    for (level, seed) in Level::available().into_iter().zip(seed..) {
+        let found = climb(20_000, 48, seed, |genes| {
+            let scale = genes.whole(scales.0, scales.1);
+            score(&Case::new(genes, scale), level)
+        });
+        found.check(&format!("{what}, {}", level.name()), least);
+    }
+}
+
+#[test]
+fn slabs_of_cells() {
+    hunt("slabs", (-10, 10), 10, 0.03);
+}
+
+#[test]
+fn slabs_of_tiny_and_huge_cells() {
+    hunt("slabs of any size", (-149, 58), 20, 0.03);
+}
