@@ -389,6 +389,19 @@ fn a_million_identical_grids_build_and_answer_the_first() {
 }
 
 #[test]
+fn tilted_strands_are_halved_and_surfaces_are_not() {
+    for k in [1, 2, 3] {
+        let ribbon = mesh(&[(4, 16)], &keys(k), |_, u, v, t| {
+            Vec3::new(v + 0.01 * u, v - 0.01 * u, v) + Vec3::X * (0.2 * t * t)
+        });
+        let stats = check_object(ribbon, &[0.0, 0.3, 1.0]).unwrap();
+        assert!(stats.blocks > 1, "{stats:?}");
+        let stats = check_object(sheet(1, 16, &keys(k)), &[0.0, 0.3, 1.0]).unwrap();
+        assert_eq!(stats.blocks, 4);
+    }
+}
+
+#[test]
 fn what_does_not_move_stores_no_second_bounds() {
     let still = ObjectGeometry::new(sheet(8, 16, &keys(1)));
     let moving = ObjectGeometry::new(sheet(8, 16, &keys(2)));

@@ -80,6 +80,19 @@ pub trait Simd: Copy + Debug {
     /// The lanes whose bits are set.
     fn mask16(self, bits: u32) -> Self::M16;
 
+    /// 4 floats from each of 4 places, and the 4 that begin one later.
+    ///
+    /// # Panics
+    /// `plane` ends before the fifth float of a place.
+    fn rows(self, plane: &[f32], at: [usize; 4]) -> [Self::F16; 2];
+    /// The smallest of each 4 lanes of `a`, then of `b`. None may be NaN.
+    fn least_of_fours(self, a: Self::F16, b: Self::F16) -> Self::F8;
+    /// The largest of each 4 lanes of `a`, then of `b`. None may be NaN.
+    fn most_of_fours(self, a: Self::F16, b: Self::F16) -> Self::F8;
+    /// The whole numbers from 0 to 255 that are next, downward from `low` and upward from `high`. None may be
+    /// NaN.
+    fn outward8(self, low: Self::F8, high: Self::F8) -> [[u8; 8]; 2];
+
     /// 15 vertices of a lattice, rows of 5 that start at `first`, `first + stride` and
     /// `first + 2 stride`, in lanes that [`Simd::lane`] knows.
     ///

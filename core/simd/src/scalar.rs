@@ -167,6 +167,31 @@ impl Simd for Scalar {
         Bits(bits & 0xffff)
     }
     #[inline]
+    fn rows(self, plane: &[f32], at: [usize; 4]) -> [Array<16>; 2] {
+        let at = |later: usize| {
+            Array(std::array::from_fn(|i| {
+                plane[at[i / 4]..][..5][i % 4 + later]
+            }))
+        };
+        [at(0), at(1)]
+    }
+    #[inline]
+    fn least_of_fours(self, a: Array<16>, b: Array<16>) -> Array<8> {
+        fours(a, b, Array::min)
+    }
+    #[inline]
+    fn most_of_fours(self, a: Array<16>, b: Array<16>) -> Array<8> {
+        fours(a, b, Array::max)
+    }
+    #[inline]
+    fn outward8(self, low: Array<8>, high: Array<8>) -> [[u8; 8]; 2] {
+        // Casts saturate.
+        [
+            low.0.map(|x| x.floor() as u8),
+            high.0.map(|x| x.ceil() as u8),
+        ]
+    }
+    #[inline]
     fn lattice(self, plane: &[f32], first: usize, stride: usize) -> Array<16> {
         let mut out = [0.0; 16];
         for row in 0..3 {
@@ -185,6 +210,18 @@ impl Simd for Scalar {
     fn triangles(self, lattice: Array<16>) -> [Array<16>; 3] {
         TRIANGLES.map(|corner| Array(corner.map(|i| lattice.0[i as usize])))
     }
+}
+
+/// Each 4 lanes of `a`, then of `b`, joined: the first with the third, the second with the fourth, and both.
+#[inline]
+fn fours(a: Array<16>, b: Array<16>, join: impl Fn(Array<8>, Array<8>) -> Array<8>) -> Array<8> {
+    let lanes = |k: usize| {
+        Array(std::array::from_fn(|i| {
+            let from = if i < 4 { &a } else { &b };
+            from.0[i % 4 * 4 + k]
+        }))
+    };
+    join(join(lanes(0), lanes(2)), join(lanes(1), lanes(3)))
 }
 
 /// The first four of each row, then their fifths: halves of vectors are rows then.

@@ -64,7 +64,22 @@ impl Kernel for Everything {
                 .to_array()
                 .map(f32::to_bits),
         );
+        for [low, high] in [[a8, b8], [bytes.map(f32::from), a8.map(|x| x * 100.0)]] {
+            let bytes = s.outward8(s.from8(&low), s.from8(&high));
+            out.extend(bytes.iter().flatten().map(|&x| u32::from(x)));
+        }
+        for fours in [
+            s.least_of_fours(s.from16(&a), s.from16(&b)),
+            s.most_of_fours(s.from16(&a), s.from16(&b)),
+        ] {
+            out.extend(fours.to_array().map(f32::to_bits));
+        }
         let plane: Vec<f32> = (0..60).map(|i| i as f32).collect();
+        for rows in [[0, 1, 2, 3], [55, 0, 55, 7], [9, 9, 30, 55]] {
+            for row in s.rows(&plane, rows) {
+                out.extend(row.to_array().map(f32::to_bits));
+            }
+        }
         for (first, stride) in [(3, 5), (3, 9), (3, 17), (0, 1), (0, 2), (5, 4)] {
             let lattice = s.lattice(&plane, first, stride);
             for row in 0..3 {
@@ -113,6 +128,51 @@ fn mul_add_rounds_once_or_twice() {
             let size = (f64::from(a[i]) * f64::from(b[i])).abs() + f64::from(c[i]).abs();
             assert!((f64::from(found[i]) - exact).abs() <= size * 2f64.powi(-23));
         }
+    }
+}
+
+#[test]
+fn fours_are_joined_and_bytes_rounded_outward() {
+    let a = std::array::from_fn(|i| (i * 7 % 16) as f32);
+    let b = a.map(|x| -x);
+    let of = |x: &[f32; 16], i: usize, join: fn(f32, f32) -> f32| {
+        x[4 * i..4 * i + 4].iter().copied().reduce(join).unwrap()
+    };
+    let (a16, b16) = (Scalar.from16(&a), Scalar.from16(&b));
+    let least = Scalar.least_of_fours(a16, b16).to_array();
+    let most = Scalar.most_of_fours(a16, b16).to_array();
+    for i in 0..4 {
+        assert_eq!(
+            [least[i], most[i]],
+            [of(&a, i, f32::min), of(&a, i, f32::max)]
+        );
+        assert_eq!(
+            [least[i + 4], most[i + 4]],
+            [of(&b, i, f32::min), of(&b, i, f32::max)]
+        );
+    }
+    let x = [-3.5, -0.0, 0.2, 1.0, 254.9, 255.0, 255.1, 1e30];
+    let bytes = Scalar.outward8(Scalar.from8(&x), Scalar.from8(&x));
+    assert_eq!(bytes[0], [0, 0, 0, 1, 254, 255, 255, 255]);
+    assert_eq!(bytes[1], [0, 0, 1, 1, 255, 255, 255, 255]);
+    let rows = Scalar.rows(&a, [0, 11, 3, 5]);
+    assert_eq!(rows[0].to_array()[4..8], a[11..15]);
+    assert_eq!(rows[1].to_array()[4..8], a[12..16]);
+}
+
+#[test]
+#[should_panic]
+fn rows_end_with_the_plane() {
+    Level::best().run(LastRow);
+}
+
+struct LastRow;
+
+impl Kernel for LastRow {
+    type Output = ();
+    #[inline(always)]
+    fn run<S: Simd>(self, s: S) {
+        s.rows(&[0.0; 20], [0, 16, 0, 0]);
     }
 }
 

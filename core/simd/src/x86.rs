@@ -444,6 +444,113 @@ fn lattice(plane: &[f32], first: usize, stride: usize) -> (__m256, __m256) {
     })
 }
 
+/// 4 floats from each of 2 places.
+///
+/// # Safety
+/// 4 floats can be read from both.
+#[inline(always)]
+unsafe fn two_rows(a: *const f32, b: *const f32) -> F256 {
+    // SAFETY: as above.
+    unsafe {
+        let near = _mm256_castps128_ps256(_mm_loadu_ps(a));
+        F256(_mm256_insertf128_ps::<1>(near, _mm_loadu_ps(b)))
+    }
+}
+
+/// 4 floats from each of 4 places, and the 4 that begin one later.
+#[inline(always)]
+fn rows(plane: &[f32], at: [usize; 4]) -> [Pair; 2] {
+    let last = at[0].max(at[1]).max(at[2].max(at[3]));
+    assert!(plane.len() >= 5 && last <= plane.len() - 5);
+    // SAFETY: the fifth float from each place is in the plane.
+    unsafe {
+        let (a, b) = (plane.as_ptr().add(at[0]), plane.as_ptr().add(at[1]));
+        let (c, d) = (plane.as_ptr().add(at[2]), plane.as_ptr().add(at[3]));
+        [
+            Pair(two_rows(a, b), two_rows(c, d)),
+            Pair(two_rows(a.add(1), b.add(1)), two_rows(c.add(1), d.add(1))),
+        ]
+    }
+}
+
+#[inline(always)]
+fn both(x: Pair) -> F512 {
+    x86!(F512(_mm512_insertf32x8::<1>(
+        _mm512_castps256_ps512(x.0.0),
+        x.1.0
+    )))
+}
+
+#[inline(always)]
+fn outward8(low: F256, high: F256) -> [[u8; 8]; 2] {
+    x86!({
+        let (zero, most) = (_mm256_setzero_ps(), _mm256_set1_ps(255.0));
+        let low = _mm256_max_ps(_mm256_floor_ps(low.0), zero);
+        let high = _mm256_max_ps(_mm256_ceil_ps(high.0), zero);
+        let low = _mm256_cvtps_epi32(_mm256_min_ps(low, most));
+        let high = _mm256_cvtps_epi32(_mm256_min_ps(high, most));
+        // In each half: four of `low`, four of `high`, as 16 bits; then as bytes.
+        let words = _mm256_packus_epi32(low, high);
+        let bytes = _mm256_packus_epi16(words, words);
+        let bytes = _mm256_permutevar8x32_epi32(bytes, _mm256_setr_epi32(0, 4, 1, 5, 0, 4, 1, 5));
+        let mut out = [[0; 8]; 2];
+        _mm_storeu_si128(out.as_mut_ptr().cast(), _mm256_castsi256_si128(bytes));
+        out
+    })
+}
+
+/// Joins the first and third, and the second and fourth of each 4 lanes, then both: `a`'s and `b`'s, in turns,
+/// in each half.
+macro_rules! joined {
+    ($join:ident, $lo:ident, $hi:ident, $swap:ident, $a:expr, $b:expr) => {{
+        let t = $join($lo($a, $b), $hi($a, $b));
+        $join(t, $swap::<0b01_00_11_10>(t))
+    }};
+}
+
+macro_rules! fours256 {
+    ($join:ident, $a:expr, $b:expr) => {
+        x86!({
+            let near = joined!(
+                $join,
+                _mm256_unpacklo_ps,
+                _mm256_unpackhi_ps,
+                _mm256_permute_ps,
+                $a.0.0,
+                $b.0.0
+            );
+            let far = joined!(
+                $join,
+                _mm256_unpacklo_ps,
+                _mm256_unpackhi_ps,
+                _mm256_permute_ps,
+                $a.1.0,
+                $b.1.0
+            );
+            let near = _mm256_permutevar8x32_ps(near, _mm256_setr_epi32(0, 4, 0, 0, 1, 5, 0, 0));
+            let far = _mm256_permutevar8x32_ps(far, _mm256_setr_epi32(0, 0, 0, 4, 0, 0, 1, 5));
+            F256(_mm256_blend_ps::<0b1100_1100>(near, far))
+        })
+    };
+}
+
+macro_rules! fours512 {
+    ($join:ident, $a:expr, $b:expr) => {
+        x86!({
+            let t = joined!(
+                $join,
+                _mm512_unpacklo_ps,
+                _mm512_unpackhi_ps,
+                _mm512_permute_ps,
+                $a.0,
+                $b.0
+            );
+            let at = _mm512_setr_epi32(0, 4, 8, 12, 1, 5, 9, 13, 0, 0, 0, 0, 0, 0, 0, 0);
+            F256(_mm512_castps512_ps256(_mm512_permutexvar_ps(at, t)))
+        })
+    };
+}
+
 impl Simd for Avx2 {
     type F8 = F256;
     type F16 = Pair;
@@ -479,6 +586,22 @@ impl Simd for Avx2 {
     #[inline(always)]
     fn mask16(self, bits: u32) -> PairMask {
         PairMask(mask8(bits), mask8(bits >> 8))
+    }
+    #[inline(always)]
+    fn rows(self, plane: &[f32], at: [usize; 4]) -> [Pair; 2] {
+        rows(plane, at)
+    }
+    #[inline(always)]
+    fn least_of_fours(self, a: Pair, b: Pair) -> F256 {
+        fours256!(_mm256_min_ps, a, b)
+    }
+    #[inline(always)]
+    fn most_of_fours(self, a: Pair, b: Pair) -> F256 {
+        fours256!(_mm256_max_ps, a, b)
+    }
+    #[inline(always)]
+    fn outward8(self, low: F256, high: F256) -> [[u8; 8]; 2] {
+        outward8(low, high)
     }
     #[inline(always)]
     fn lattice(self, plane: &[f32], first: usize, stride: usize) -> Pair {
@@ -558,6 +681,23 @@ impl Simd for Avx512 {
     #[inline(always)]
     fn mask16(self, bits: u32) -> M512 {
         M512(bits as u16)
+    }
+    #[inline(always)]
+    fn rows(self, plane: &[f32], at: [usize; 4]) -> [F512; 2] {
+        let [first, later] = rows(plane, at);
+        [both(first), both(later)]
+    }
+    #[inline(always)]
+    fn least_of_fours(self, a: F512, b: F512) -> F256 {
+        fours512!(_mm512_min_ps, a, b)
+    }
+    #[inline(always)]
+    fn most_of_fours(self, a: F512, b: F512) -> F256 {
+        fours512!(_mm512_max_ps, a, b)
+    }
+    #[inline(always)]
+    fn outward8(self, low: F256, high: F256) -> [[u8; 8]; 2] {
+        outward8(low, high)
     }
     #[inline(always)]
     fn lattice(self, plane: &[f32], first: usize, stride: usize) -> F512 {

@@ -4,13 +4,12 @@
 //! its number, so nothing is stored for it but its bounds. Blocks may also be 4x16 or 16x4, with the
 //! same 8 groups, so that strips of narrow grids (fur) fill their nodes; groups shrink while 8 are
 //! enough. Where the box of a block is mostly empty, as along a tilted strand, the block is halved for
-//! as long as that pays ([`refine`]).
+//! as long as that pays ([`halving_pays`]).
 //!
 //! Groups may also be *loose*: the tree refers to them itself, without a block. A grid that is no larger
 //! than one group ([`is_small`]) is one; a strip is cut into several where [`super::gather`] says so.
 
-use super::LinearBox;
-use crate::grid::{Grid, PlanarMesh};
+use crate::grid::Grid;
 
 /// Most micropolygons of a group along u and v: one vector test of 8.
 pub const GROUP: (usize, usize) = (4, 2);
@@ -54,25 +53,40 @@ pub struct Span {
     pub count: u8,
 }
 
+/// The smallest groups, and of equals the narrowest, of which at most 8 cover a block: by its width and height.
+static SHAPES: [[[u8; 2]; 32]; 32] = {
+    let mut shapes = [[[0; 2]; 32]; 32];
+    let mut at = 0;
+    while at < 32 * 32 {
+        shapes[at / 32][at % 32] = smallest_groups(at / 32, at % 32);
+        at += 1;
+    }
+    shapes
+};
+
+const fn smallest_groups(w: usize, h: usize) -> [u8; 2] {
+    let mut best = GROUP;
+    let mut shape = 0;
+    while shape < GROUP.0 * GROUP.1 {
+        let (cw, ch) = (1 + shape / GROUP.1, 1 + shape % GROUP.1);
+        if w.div_ceil(cw) * h.div_ceil(ch) <= GROUPS && cw * ch < best.0 * best.1 {
+            best = (cw, ch);
+        }
+        shape += 1;
+    }
+    [best.0 as u8, best.1 as u8]
+}
+
 impl Span {
     fn new(grid: u32, rect: CellRect) -> Span {
-        let (w, h) = (usize::from(rect.w), usize::from(rect.h));
-        let mut best = GROUP;
-        for cw in 1..=GROUP.0 {
-            for ch in 1..=GROUP.1 {
-                let fits = w.div_ceil(cw) * h.div_ceil(ch) <= GROUPS;
-                if fits && cw * ch < best.0 * best.1 {
-                    best = (cw, ch);
-                }
-            }
-        }
-        let columns = w.div_ceil(best.0);
+        let [cw, ch] = SHAPES[usize::from(rect.w & 31)][usize::from(rect.h & 31)];
+        let columns = rect.w.div_ceil(cw);
         Span {
             grid,
             rect,
-            group: [best.0 as u8, best.1 as u8],
-            columns: columns as u8,
-            count: (columns * h.div_ceil(best.1)) as u8,
+            group: [cw, ch],
+            columns,
+            count: columns * rect.h.div_ceil(ch),
         }
     }
 
@@ -184,59 +198,53 @@ pub fn cut(number: u32, grid: &Grid) -> impl Iterator<Item = Span> + use<> {
     })
 }
 
-/// Halves a block, along its longer side, for as long as [`HALVING`] says that it pays; appends what
-/// remains to `out`.
-pub fn refine(mesh: &PlanarMesh, span: Span, out: &mut Vec<Span>) {
-    let r = span.rect;
-    if r.w.max(r.h) >= 4 && r.w * r.h >= MIN_HALVED {
-        let halves = if r.w > r.h {
-            let w = r.w / 2;
-            let right = CellRect {
-                i: r.i + w,
-                w: r.w - w,
-                ..r
-            };
-            [CellRect { w, ..r }, right]
-        } else {
-            let h = r.h / 2;
-            let far = CellRect {
-                j: r.j + h,
-                h: r.h - h,
-                ..r
-            };
-            [CellRect { h, ..r }, far]
-        }
-        .map(|rect| Span::new(span.grid, rect));
-        let area = |span: &Span| sampled_box(mesh, span).mean_half_area();
-        if area(&halves[0]) + area(&halves[1]) < HALVING * area(&span) {
-            for half in halves {
-                refine(mesh, half, out);
-            }
-            return;
-        }
-    }
-    out.push(span);
+/// True where the halves of a block, along its longer side, should be blocks of their own, by the areas of their
+/// boxes and its own ([`HALVING`]).
+#[inline(always)]
+pub fn halving_pays(halves: [f32; 2], whole: f32) -> bool {
+    halves[0] + halves[1] < HALVING * whole
 }
 
-/// The box of a block's corners and middle, at both ends of the shutter: an estimate, for choices only.
-fn sampled_box(mesh: &PlanarMesh, span: &Span) -> LinearBox {
-    let grid = &mesh.grids[span.grid as usize];
-    let stride = usize::from(grid.nu) + 1;
-    let [i, j, w, h] = [span.rect.i, span.rect.j, span.rect.w, span.rect.h].map(usize::from);
-    let position = |k: usize, at: usize| mesh.position(span.grid as usize, k, at);
-    let last = mesh.key_count() - 1;
-    let mut out = LinearBox::EMPTY;
-    for (x, y) in [(0, 0), (w, 0), (0, h), (w, h), (w / 2, h / 2)] {
-        let at = (j + y) * stride + i + x;
-        let (start, end) = (position(0, at), position(last, at));
-        out = out.union(&LinearBox {
-            lo0: start,
-            hi0: start,
-            lo1: end,
-            hi1: end,
-        });
+/// The first `groups` of a row, or rows of groups, are nearer to the block's start along its longer side.
+#[derive(Clone, Copy)]
+pub struct Halves {
+    /// True where columns are halved, not rows.
+    pub columns: bool,
+    /// Columns or rows of groups in the first half.
+    pub first: u8,
+}
+
+/// How a block may be halved; none where it is too small.
+#[inline(always)]
+pub fn halves(span: &Span) -> Option<Halves> {
+    let r = span.rect;
+    let columns = r.w > r.h;
+    let rows = span.count / span.columns.max(1);
+    let first = if columns { span.columns } else { rows } / 2;
+    (r.w.max(r.h) >= 4 && r.w * r.h >= MIN_HALVED && first > 0).then_some(Halves { columns, first })
+}
+
+/// A block halved along its longer side.
+pub fn halved(span: Span) -> [Span; 2] {
+    let r = span.rect;
+    if r.w > r.h {
+        let w = r.w / 2;
+        let right = CellRect {
+            i: r.i + w,
+            w: r.w - w,
+            ..r
+        };
+        [CellRect { w, ..r }, right]
+    } else {
+        let h = r.h / 2;
+        let far = CellRect {
+            j: r.j + h,
+            h: r.h - h,
+            ..r
+        };
+        [CellRect { h, ..r }, far]
     }
-    out
+    .map(|rect| Span::new(span.grid, rect))
 }
 
 #[cfg(test)]

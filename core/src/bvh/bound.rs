@@ -1,21 +1,34 @@
 //! Bounds of blocks: the central invariant is made here.
 //!
 //! Each group of a block is bounded at every key of its vertices, along the axes of space and along
-//! those of a frame or two that its lattice suggests; the cheapest by surface area is kept. A group's
-//! vertices are one vector.
+//! those of a frame or two that its lattice suggests; the cheapest by surface area is kept. Eight groups are
+//! bounded at a time ([`super::group8`]).
 
 use std::marker::PhantomData;
 
 use glam::Vec3;
 use hdtrapeze_simd::{Float, Kernel, Level, Mask, Simd};
 
-use super::block::{Block, CellRect, GROUPS, Span, loose, loose_count};
-use super::{Bounds8, COORDINATE_LIMIT, Frame, LinearBox, ROTATION_PAD, ROTATION_TINY};
-use crate::grid::PlanarMesh;
+use super::block::{Block, CellRect, GROUPS, Span, halves, halving_pays, loose, loose_count};
+use super::group8::{Groups, boxes};
+use super::lanes::{Boxes8, Ranges8};
+use super::{Bounds8, COORDINATE_LIMIT, Frame, LinearBox};
+use crate::grid::planar::GridPlanes;
+use crate::grid::{Grid, PlanarMesh};
 
 /// Relative cost of turning a ray into a node's frame (9 products, 3 reciprocals), in units of
 /// one group test. An estimate, not yet measured; only the choice of frames depends on it.
 pub const TURN_COST: f32 = 0.3;
+
+/// What became of a block.
+pub enum Bounded<B> {
+    /// Its groups are bounded.
+    Block(BuiltBlock<B>),
+    /// Its halves should be blocks.
+    Halve,
+    /// Bounds are beyond [`COORDINATE_LIMIT`].
+    Absurd,
+}
 
 /// A block before its frame has a number.
 pub struct BuiltBlock<B> {
@@ -25,30 +38,30 @@ pub struct BuiltBlock<B> {
     pub aabb: LinearBox,
     /// Frame, if oriented bounds pay.
     pub frame: Option<Frame>,
-    /// The magnitude of no bound of the block is larger, as packed or as it was.
-    pub max_abs: f32,
 }
 
-/// Bounds the groups of a block in the frame that costs least. None where a vertex is not finite,
-/// or beyond [`COORDINATE_LIMIT`].
-pub fn bound<B: Bounds8>(level: Level, mesh: &PlanarMesh, span: Span) -> Option<BuiltBlock<B>> {
+/// True when all coordinates of a grid's vertices are finite, and within [`COORDINATE_LIMIT`].
+pub fn is_bounded(level: Level, planes: &GridPlanes<'_>) -> bool {
+    level.run(Limit(planes.coordinates()))
+}
+
+/// Bounds the groups of a block in the frame that costs least, unless its halves cost less. The grid
+/// [is bounded](is_bounded).
+pub fn bound<B: Bounds8>(level: Level, planes: &GridPlanes<'_>, span: Span) -> Bounded<B> {
     level.run(Bound {
-        mesh,
+        planes,
         span,
         kind: PhantomData,
     })
 }
 
-/// Axis-aligned bounds of the [loose groups](loose) of a grid. None where a vertex is not finite, or
-/// beyond [`COORDINATE_LIMIT`].
-pub fn bound_loose(level: Level, mesh: &PlanarMesh, number: u32) -> Option<LooseBoxes> {
-    level.run(BoundLoose { mesh, number })
+/// Axis-aligned bounds of the [loose groups](loose) of a grid that [is bounded](is_bounded), as many as
+/// [`loose_count`] says. None where bounds are beyond [`COORDINATE_LIMIT`].
+pub fn bound_loose(level: Level, planes: &GridPlanes<'_>) -> Option<[LinearBox; GROUPS]> {
+    level.run(BoundLoose { planes })
 }
 
-/// Bounds of as many groups as [`loose_count`] says.
-pub type LooseBoxes = [LinearBox; GROUPS];
-
-/// Bounds in a frame of up to [`GROUPS`] groups of grids whose vertices are finite and within
+/// Bounds in a frame of 1 to [`GROUPS`] groups of grids whose vertices are finite and within
 /// [`COORDINATE_LIMIT`]; each is a grid and its micropolygons.
 pub fn bound_groups(
     level: Level,
@@ -63,53 +76,87 @@ pub fn bound_groups(
     })
 }
 
+struct Limit<'a>(&'a [f32]);
+
+impl Kernel for Limit<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> bool {
+        let limit = simd.all16(COORDINATE_LIMIT);
+        let (whole, rest) = self.0.as_chunks::<16>();
+        // Comparisons with NaN are false.
+        let mut below = simd.all16(0.0).lt(limit);
+        for x in whole {
+            below = below & simd.from16(x).abs().lt(limit);
+        }
+        let all = below.bits() == 0xffff;
+        all & rest.iter().all(|x| x.abs() < COORDINATE_LIMIT)
+    }
+}
+
 struct Bound<'a, B> {
-    mesh: &'a PlanarMesh,
+    planes: &'a GridPlanes<'a>,
     span: Span,
     kind: PhantomData<B>,
 }
 
 impl<B: Bounds8> Kernel for Bound<'_, B> {
-    type Output = Option<BuiltBlock<B>>;
+    type Output = Bounded<B>;
 
     #[inline(always)]
-    fn run<S: Simd>(self, simd: S) -> Option<BuiltBlock<B>> {
-        let Self { mesh, span, .. } = self;
-        if !all_finite(simd, mesh, &span) {
-            return None;
+    fn run<S: Simd>(self, simd: S) -> Bounded<B> {
+        let Self { planes, span, .. } = self;
+        let mut groups = Groups::default();
+        for slot in 0..u32::from(span.count) {
+            groups.put(slot as usize, 0, &planes.grid, span.group_rect(slot));
         }
-        let boxes = group_boxes(simd, mesh, &span, None);
+        let groups = groups.filled(span.count);
+        let mut best = boxes(simd, planes.planes, planes.key_times, &groups, None);
+        let aabb = best.hull();
+        // Bounds at inner keys may have raised them.
+        let raised = planes.key_times.len() > 2;
+        if raised && !(aabb.is_finite() && aabb.max_abs() < COORDINATE_LIMIT) {
+            return Bounded::Absurd;
+        }
+        let whole = aabb.mean_half_area();
+        if let Some(areas) = half_areas(simd, &span, &best)
+            && halving_pays(areas, whole)
+        {
+            return Bounded::Halve;
+        }
         let count = usize::from(span.count);
-        let aabb = union(&boxes[..count]);
-        // Bounds may have been raised.
-        if !(aabb.is_finite() && aabb.max_abs() < COORDINATE_LIMIT) {
-            return None;
-        }
-        let mut cost = area(&boxes[..count]);
-        let turn = aabb.mean_half_area() * TURN_COST;
-        let (mut best, mut frame) = (boxes, None);
-        let (u, v) = lattice_edges(mesh, &span);
+        let mut cost = best.area(simd, B::MOVING, count);
+        let turn = whole * TURN_COST;
+        let mut frame = None;
+        let (u, v) = lattice_edges(planes, &span);
         // Boxes of any frame have at least the area of the surface: where that saves nothing, none is tried.
         if u.cross(v).length() + turn < cost {
-            for candidate in [Frame::from_edges(u, v), Frame::from_edges(v, u)] {
-                let Some(candidate) = candidate else { continue };
-                let boxes = group_boxes(simd, mesh, &span, Some(&candidate));
-                let oriented = area(&boxes[..count]) + turn;
+            for (u, v) in [(u, v), (v, u)] {
+                let Some(candidate) = Frame::from_edges(u, v) else {
+                    continue;
+                };
+                let turned = boxes(
+                    simd,
+                    planes.planes,
+                    planes.key_times,
+                    &groups,
+                    Some(&candidate),
+                );
+                let oriented = turned.area(simd, B::MOVING, count) + turn;
                 if oriented < cost {
-                    (cost, best, frame) = (oriented, boxes, Some(candidate));
+                    (cost, best, frame) = (oriented, turned, Some(candidate));
                 }
             }
         }
-        let bounds = B::pack(&best[..count]);
-        Some(BuiltBlock {
+        Bounded::Block(BuiltBlock {
             block: Block {
-                bounds,
+                bounds: B::pack(simd, &best),
                 frame: 0,
                 span,
             },
             aabb,
             frame,
-            max_abs: aabb.max_abs().max(bounds.max_abs()),
         })
     }
 }
@@ -125,179 +172,88 @@ impl Kernel for BoundGroups<'_> {
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) -> [LinearBox; GROUPS] {
-        let mut out = [LinearBox::EMPTY; GROUPS];
-        for (out, &(grid, rect)) in out.iter_mut().zip(self.groups) {
-            let span = Span::group(grid, rect);
-            *out = group_boxes(simd, self.mesh, &span, Some(self.frame))[0];
+        let mut groups = Groups::default();
+        for (slot, &(grid, rect)) in self.groups.iter().enumerate() {
+            let grid = &self.mesh.grids[grid as usize];
+            groups.put(slot, self.mesh.plane_start(grid, 0), grid, rect);
         }
-        out
+        let groups = groups.filled(self.groups.len() as u8);
+        let (planes, key_times) = (self.mesh.planes(), &self.mesh.key_times);
+        boxes(simd, planes, key_times, &groups, Some(self.frame)).to_boxes()
     }
 }
 
 struct BoundLoose<'a> {
-    mesh: &'a PlanarMesh,
-    number: u32,
+    planes: &'a GridPlanes<'a>,
 }
 
 impl Kernel for BoundLoose<'_> {
-    type Output = Option<LooseBoxes>;
+    type Output = Option<[LinearBox; GROUPS]>;
 
     #[inline(always)]
-    fn run<S: Simd>(self, simd: S) -> Option<LooseBoxes> {
-        let Self { mesh, number } = self;
-        let grid = &mesh.grids[number as usize];
-        let mut out = [LinearBox::EMPTY; GROUPS];
-        for (slot, out) in out.iter_mut().enumerate().take(loose_count(grid)) {
-            let span = Span::group(number, loose(grid, slot as u32));
-            if !all_finite(simd, mesh, &span) {
-                return None;
-            }
-            let bounds = group_boxes(simd, mesh, &span, None)[0];
-            // Bounds may have been raised.
-            if !(bounds.is_finite() && bounds.max_abs() < COORDINATE_LIMIT) {
-                return None;
-            }
-            *out = bounds;
+    fn run<S: Simd>(self, simd: S) -> Option<[LinearBox; GROUPS]> {
+        let grid: &Grid = &self.planes.grid;
+        let count = loose_count(grid);
+        let mut groups = Groups::default();
+        for slot in 0..count {
+            groups.put(slot, 0, grid, loose(grid, slot as u32));
         }
-        Some(out)
+        let (planes, key_times) = (self.planes.planes, self.planes.key_times);
+        let found = boxes(simd, planes, key_times, &groups.filled(count as u8), None);
+        let hull = found.hull();
+        // Bounds at inner keys may have raised them.
+        let sound = hull.is_finite() && hull.max_abs() < COORDINATE_LIMIT;
+        sound.then(|| found.to_boxes())
     }
 }
 
+/// Areas of the boxes around both halves of a block's groups, where it may be halved.
 #[inline(always)]
-fn union(boxes: &[LinearBox]) -> LinearBox {
-    boxes.iter().fold(LinearBox::EMPTY, |a, b| a.union(b))
+fn half_areas<S: Simd>(simd: S, span: &Span, boxes: &Boxes8<S::F8>) -> Option<[f32; 2]> {
+    let halves = halves(span)?;
+    let mut second = [0.0; GROUPS];
+    let (mut column, mut row) = (0, 0);
+    for (slot, second) in second.iter_mut().enumerate() {
+        let at = if halves.columns { column } else { row };
+        // Lanes beyond the last group repeat the first.
+        *second = f32::from(slot < span.count.into() && at >= halves.first);
+        column += 1;
+        if column == span.columns {
+            (column, row) = (0, row + 1);
+        }
+    }
+    let second = simd.from8(&second);
+    let in_first = second.lt(simd.all8(0.5));
+    let in_second = simd.all8(0.5).lt(second);
+    Some([
+        part(simd, boxes, in_first).mean_half_area(),
+        part(simd, boxes, in_second).mean_half_area(),
+    ])
 }
 
+/// The box around some lanes.
 #[inline(always)]
-fn area(boxes: &[LinearBox]) -> f32 {
-    boxes.iter().map(LinearBox::mean_half_area).sum()
+fn part<S: Simd>(simd: S, boxes: &Boxes8<S::F8>, lanes: <S::F8 as Float<8>>::Mask) -> LinearBox {
+    let (above, below) = (simd.all8(f32::INFINITY), simd.all8(f32::NEG_INFINITY));
+    let mut parts = [boxes.start, boxes.end];
+    for part in &mut parts {
+        let Ranges8 { lo, hi } = part;
+        for axis in 0..3 {
+            lo[axis] = lo[axis].or(lanes, above);
+            hi[axis] = hi[axis].or(lanes, below);
+        }
+    }
+    let [start, end] = parts;
+    Boxes8 { start, end }.hull()
 }
 
 /// The block's edges along u and v, each the mean of the two that face each other, in mid-shutter.
-fn lattice_edges(mesh: &PlanarMesh, span: &Span) -> (Vec3, Vec3) {
-    let g = span.grid as usize;
-    let stride = usize::from(mesh.grids[g].nu) + 1;
+#[inline(always)]
+fn lattice_edges(planes: &GridPlanes<'_>, span: &Span) -> (Vec3, Vec3) {
+    let stride = usize::from(planes.grid.nu) + 1;
     let [i, j, w, h] = [span.rect.i, span.rect.j, span.rect.w, span.rect.h].map(usize::from);
-    let key = mesh.key_count() / 2;
-    let at = |x: usize, y: usize| mesh.position(g, key, (j + y) * stride + i + x);
+    let key = planes.key_times.len() / 2;
+    let at = |x: usize, y: usize| planes.position(key, (j + y) * stride + i + x);
     let (a, b, c, d) = (at(0, 0), at(w, 0), at(0, h), at(w, h));
     (((b - a) + (d - c)) * 0.5, ((c - a) + (d - b)) * 0.5)
-}
-
-/// The vertices of a group: its vectors' lanes that count, and where it begins in a plane.
-struct Vertices {
-    lanes: u32,
-    first: usize,
-    stride: usize,
-}
-
-#[inline(always)]
-fn vertices<S: Simd>(simd: S, mesh: &PlanarMesh, span: &Span, rect: CellRect) -> Vertices {
-    let stride = usize::from(mesh.grids[span.grid as usize].nu) + 1;
-    let mut lanes = 0;
-    for row in 0..=usize::from(rect.h) {
-        for column in 0..=usize::from(rect.w) {
-            lanes |= 1 << simd.lane(column, row);
-        }
-    }
-    Vertices {
-        lanes,
-        first: usize::from(rect.j) * stride + usize::from(rect.i),
-        stride,
-    }
-}
-
-/// Coordinates of a group's vertices at key `k`.
-#[inline(always)]
-fn coordinates<S: Simd>(
-    simd: S,
-    mesh: &PlanarMesh,
-    span: &Span,
-    group: &Vertices,
-    k: usize,
-) -> [S::F16; 3] {
-    let grid = &mesh.grids[span.grid as usize];
-    let (start, n) = (mesh.plane_start(grid, k) + group.first, grid.vertex_count());
-    let planes = mesh.planes();
-    [
-        simd.lattice(planes, start, group.stride),
-        simd.lattice(planes, start + n, group.stride),
-        simd.lattice(planes, start + 2 * n, group.stride),
-    ]
-}
-
-#[inline(always)]
-fn all_finite<S: Simd>(simd: S, mesh: &PlanarMesh, span: &Span) -> bool {
-    let limit = simd.all16(COORDINATE_LIMIT);
-    let mut sound = true;
-    for slot in 0..u32::from(span.count) {
-        let group = vertices(simd, mesh, span, span.group_rect(slot));
-        for k in 0..mesh.key_count() {
-            for x in coordinates(simd, mesh, span, &group, k) {
-                // Comparisons with NaN are false.
-                sound &= !x.abs().lt(limit).bits() & group.lanes == 0;
-            }
-        }
-    }
-    sound
-}
-
-/// Bounds of each group of a block, in a frame or axis-aligned.
-#[inline(always)]
-fn group_boxes<S: Simd>(
-    simd: S,
-    mesh: &PlanarMesh,
-    span: &Span,
-    frame: Option<&Frame>,
-) -> [LinearBox; GROUPS] {
-    let mut boxes = [LinearBox::EMPTY; GROUPS];
-    let last = mesh.key_count() - 1;
-    for (slot, out) in boxes.iter_mut().enumerate().take(span.count.into()) {
-        let group = vertices(simd, mesh, span, span.group_rect(slot as u32));
-        let (lo0, hi0) = ranges(simd, mesh, span, &group, 0, frame);
-        let (lo1, hi1) = if last > 0 {
-            ranges(simd, mesh, span, &group, last, frame)
-        } else {
-            (lo0, hi0)
-        };
-        *out = LinearBox { lo0, hi0, lo1, hi1 };
-        for k in 1..last {
-            let (lo, hi) = ranges(simd, mesh, span, &group, k, frame);
-            out.raise(mesh.key_times[k], lo, hi);
-        }
-    }
-    boxes
-}
-
-/// Ranges of the coordinates of a group's vertices at key `k`, widened for the rounding of the rotation
-/// where there is one.
-#[inline(always)]
-fn ranges<S: Simd>(
-    simd: S,
-    mesh: &PlanarMesh,
-    span: &Span,
-    group: &Vertices,
-    k: usize,
-    frame: Option<&Frame>,
-) -> (Vec3, Vec3) {
-    let [x, y, z] = coordinates(simd, mesh, span, group, k);
-    let lanes = simd.mask16(group.lanes);
-    let (above, below) = (simd.all16(f32::INFINITY), simd.all16(f32::NEG_INFINITY));
-    let (mut lo, mut hi) = (Vec3::ZERO, Vec3::ZERO);
-    for (axis, plain) in [x, y, z].into_iter().enumerate() {
-        let (mut least, mut most) = (plain, plain);
-        if let Some(frame) = frame {
-            let a = frame.axes[axis];
-            let q = x * simd.all16(a.x) + y * simd.all16(a.y) + z * simd.all16(a.z);
-            let pad = (x.abs() + y.abs() + z.abs()) * simd.all16(ROTATION_PAD);
-            (least, most) = (q - pad, q + pad);
-        }
-        lo[axis] = least.or(lanes, above).least();
-        hi[axis] = most.or(lanes, below).most();
-        if frame.is_some() {
-            lo[axis] -= ROTATION_TINY;
-            hi[axis] += ROTATION_TINY;
-        }
-    }
-    (lo, hi)
 }

@@ -13,9 +13,11 @@
 //! counts, and subtrees are appended in child order.
 
 use glam::Vec3;
+use hdtrapeze_simd::Level;
 use rayon::prelude::*;
 
 use super::block::GROUPS;
+use super::node::pack;
 use super::orient::{MOST_ITEMS, Strands};
 use super::sorted::{Hull, Sorted};
 use super::split::split;
@@ -83,21 +85,32 @@ pub fn build_items<B: Bounds8>(
     kind: Nodes,
     strands: Option<&Strands<'_>>,
 ) -> Tree<B> {
-    let mut sorted: Vec<Sorted<B::Hull>> = items.par_iter().map(Sorted::of).collect();
+    let sorted = items.par_iter().map(Sorted::of).collect();
     drop(items);
+    build_sorted(sorted, vec![Frame::IDENTITY], kind, strands)
+}
+
+/// Builds the tree over `items`, as [`build_items`]; its frames come after those given.
+pub fn build_sorted<B: Bounds8>(
+    mut items: Vec<Sorted<B::Hull>>,
+    frames: Vec<Frame>,
+    kind: Nodes,
+    strands: Option<&Strands<'_>>,
+) -> Tree<B> {
     let mut tree = Tree {
         nodes: Vec::new(),
-        frames: vec![Frame::IDENTITY],
+        frames,
         root: Tree::<B>::EMPTY,
     };
     let below = Below {
         kind,
         strands,
+        level: Level::best(),
         depth: 0,
         frame: 0,
         try_below: MOST_ITEMS,
     };
-    match &mut sorted[..] {
+    match &mut items[..] {
         [] => {}
         [item] => tree.root = Tree::<B>::LEAF | item.id,
         items => {
@@ -114,6 +127,7 @@ pub fn build_items<B: Bounds8>(
 struct Below<'a> {
     kind: Nodes,
     strands: Option<&'a Strands<'a>>,
+    level: Level,
     depth: usize,
     /// Number of the frame of boxes, and so of nodes.
     frame: u32,
@@ -205,9 +219,12 @@ fn build_node<B: Bounds8>(
     }
 
     let index = tree.nodes.len() as u32;
-    let boxes: Vec<LinearBox> = ranges.iter().map(|r| r.bounds.linear()).collect();
+    let mut boxes = [LinearBox::EMPTY; 8];
+    for (to, range) in boxes.iter_mut().zip(&ranges) {
+        *to = range.bounds.linear();
+    }
     tree.nodes.push(Node {
-        bounds: B::pack(&boxes),
+        bounds: pack(below.level, &boxes[..ranges.len()]),
         children: [0; 8],
         frame: below.frame,
         valid: (1u32 << ranges.len()) - 1,

@@ -4,102 +4,180 @@
 //! fur) whose box is mostly empty: groups of neighbouring strands fill boxes of the tree far better than
 //! those of one strand fill a box that is as long as the strand, whatever way strands lean, and one level is
 //! saved. All other grids are cut into blocks ([`super::block`]).
+//!
+//! Runs of grids are gathered in parallel, each while its vertices are near: right after they were turned
+//! into planes.
 
 use glam::Vec3;
 use hdtrapeze_simd::Level;
-use rayon::prelude::*;
 
-use super::block::{self, Span};
-use super::bound::{BuiltBlock, bound, bound_loose};
-use super::build::Item;
+use super::block::{self, Block, Span};
+use super::bound::{Bounded, bound, bound_loose, is_bounded};
 use super::object::{LOOSE_GRIDS, loose_item};
 use super::orient::direction;
-use super::{Bounds8, LinearBox};
-use crate::grid::PlanarMesh;
+use super::sorted::{Hull, Sorted};
+use super::{Bounds8, Frame, LinearBox};
+use crate::grid::planar::{GridPlanes, Run};
+use crate::grid::{DicedMesh, PlanarMesh};
 
 /// A strip is cut loose where the boxes of its groups have less than this part of its own area together.
 const LOOSE_SHARE: f32 = 0.5;
-/// Grids that one thread gathers at a time.
-const PART: usize = 512;
 
 /// Items of a run of grids, in their order.
-pub struct Part<B> {
-    /// Blocks.
-    pub blocks: Vec<BuiltBlock<B>>,
-    /// Loose groups, numbered as the tree does.
-    pub loose: Vec<Item>,
+pub struct Part<B: Bounds8> {
+    /// Blocks. Their frames are numbered from 1.
+    pub blocks: Vec<Block<B>>,
+    /// Frames of the blocks.
+    pub frames: Vec<Frame>,
+    /// Blocks by number, and loose groups, numbered as the tree does.
+    pub items: Vec<Sorted<B::Hull>>,
     /// Those of the loose groups that are parts of strips.
     pub strips: usize,
     /// Grids left out: not sound, or a vertex that is absurdly far.
     pub dropped: u64,
+    /// The box around all items.
+    pub bounds: LinearBox,
+    /// As [`Bounds8::reach`], of all blocks.
+    pub reach: f64,
 }
 
-/// Gathers all grids, in parallel; those that are not `sound` are left out.
-pub fn gather<B: Bounds8>(mesh: &PlanarMesh, sound: &[bool]) -> Vec<Part<B>> {
+/// Turns a mesh into planes, and gathers all its grids; those that are not sound are left out.
+pub fn gather<B: Bounds8>(mesh: DicedMesh) -> (PlanarMesh, Vec<Part<B>>) {
     let level = Level::best();
-    let parts = mesh.grids.len().div_ceil(PART);
-    (0..parts)
-        .into_par_iter()
-        .map(|part| {
-            let mut out = Part {
-                blocks: Vec::new(),
-                loose: Vec::new(),
-                strips: 0,
-                dropped: 0,
-            };
-            let mut spans = Vec::new();
-            let from = part * PART;
-            for g in from..(from + PART).min(mesh.grids.len()) {
-                let sound = sound[g] && add(level, mesh, g as u32, &mut out, &mut spans).is_some();
-                out.dropped += u64::from(!sound);
-            }
-            out
-        })
-        .collect()
+    PlanarMesh::turned(mesh, |run: Run<'_>| {
+        let mut part = Part::new(run.vertex_count());
+        let mut spans = Vec::new();
+        run.turn(level, |g, planes| {
+            let added = planes.and_then(|planes| part.add(level, g, &planes, &mut spans));
+            part.dropped += u64::from(added.is_none());
+        });
+        part
+    })
 }
 
-/// Adds the items of one grid: all, or none where a vertex cannot be traced.
-fn add<B: Bounds8>(
-    level: Level,
-    mesh: &PlanarMesh,
-    g: u32,
-    out: &mut Part<B>,
-    spans: &mut Vec<Span>,
-) -> Option<()> {
-    let grid = &mesh.grids[g as usize];
-    let small = block::is_small(grid);
-    if (small || block::is_strip(grid)) && g < LOOSE_GRIDS {
-        let boxes = bound_loose(level, mesh, g)?;
-        let boxes = &boxes[..block::loose_count(grid)];
-        let whole = boxes.iter().fold(LinearBox::EMPTY, |a, b| a.union(b));
-        let area: f32 = boxes.iter().map(LinearBox::mean_half_area).sum();
-        if small || area < LOOSE_SHARE * whole.mean_half_area() {
-            let items = boxes.iter().zip(0..).map(|(&bounds, slot)| Item {
-                bounds,
-                id: loose_item(g, slot),
-                along: if small {
-                    Vec3::ZERO
-                } else {
-                    direction(mesh, g, block::loose(grid, slot))
-                },
-            });
-            out.loose.extend(items);
-            out.strips += if small { 0 } else { boxes.len() };
-            return Some(());
+impl<B: Bounds8> Part<B> {
+    fn new(vertices: usize) -> Self {
+        // Vertices of a block of grids of 16 x 16.
+        let blocks = vertices / 72 + 1;
+        Part {
+            blocks: Vec::with_capacity(blocks),
+            frames: Vec::with_capacity(blocks),
+            items: Vec::with_capacity(blocks),
+            strips: 0,
+            dropped: 0,
+            bounds: LinearBox::EMPTY,
+            reach: 0.0,
         }
     }
-    let before = out.blocks.len();
-    spans.clear();
-    for span in block::cut(g, grid) {
-        block::refine(mesh, span, spans);
-    }
-    for &span in spans.iter() {
-        let Some(block) = bound(level, mesh, span) else {
-            // A grid is traced whole or not at all.
-            out.blocks.truncate(before);
+
+    /// Adds the items of one grid: all, or none where a vertex cannot be traced.
+    fn add(
+        &mut self,
+        level: Level,
+        g: u32,
+        planes: &GridPlanes<'_>,
+        spans: &mut Vec<Span>,
+    ) -> Option<()> {
+        if !is_bounded(level, planes) {
             return None;
-        };
-        out.blocks.push(block);
+        }
+        let grid = &planes.grid;
+        let small = block::is_small(grid);
+        if (small || block::is_strip(grid)) && g < LOOSE_GRIDS {
+            let boxes = bound_loose(level, planes)?;
+            let boxes = &boxes[..block::loose_count(grid)];
+            let whole = boxes.iter().fold(LinearBox::EMPTY, |a, b| a.union(b));
+            let area: f32 = boxes.iter().map(LinearBox::mean_half_area).sum();
+            if small || area < LOOSE_SHARE * whole.mean_half_area() {
+                let items = boxes.iter().zip(0..).map(|(bounds, slot)| Sorted {
+                    bounds: B::Hull::of(bounds),
+                    id: loose_item(g, slot),
+                    along: if small {
+                        Vec3::ZERO
+                    } else {
+                        direction(planes, block::loose(grid, slot))
+                    },
+                });
+                self.items.extend(items);
+                self.strips += if small { 0 } else { boxes.len() };
+                self.bounds = self.bounds.union(&whole);
+                return Some(());
+            }
+        }
+        let (before, items_before) = (self.blocks.len(), self.items.len());
+        let (frames_before, bounds_before) = (self.frames.len(), (self.bounds, self.reach));
+        spans.extend(block::cut(g, grid));
+        spans.reverse();
+        while let Some(span) = spans.pop() {
+            let built = match bound::<B>(level, planes, span) {
+                Bounded::Block(built) => built,
+                Bounded::Halve => {
+                    let [near, far] = block::halved(span);
+                    spans.extend([far, near]);
+                    continue;
+                }
+                Bounded::Absurd => {
+                    // A grid is traced whole or not at all.
+                    spans.clear();
+                    self.blocks.truncate(before);
+                    self.items.truncate(items_before);
+                    self.frames.truncate(frames_before);
+                    (self.bounds, self.reach) = bounds_before;
+                    return None;
+                }
+            };
+            let mut block = built.block;
+            if let Some(frame) = built.frame {
+                self.frames.push(frame);
+                block.frame = self.frames.len() as u32;
+            }
+            self.items.push(Sorted {
+                bounds: B::Hull::of(&built.aabb),
+                id: self.blocks.len() as u32,
+                along: Vec3::ZERO,
+            });
+            self.reach = self.reach.max(block.bounds.reach());
+            self.bounds = self.bounds.union(&built.aabb);
+            self.blocks.push(block);
+        }
+        Some(())
     }
-    Some(())
+}
+
+/// All blocks, and what the tree is built over.
+pub struct Gathered<B: Bounds8> {
+    /// Blocks, in the order of grids.
+    pub blocks: Vec<Block<B>>,
+    /// Their frames; number 0 is the identity.
+    pub frames: Vec<Frame>,
+    /// Items.
+    pub items: Vec<Sorted<B::Hull>>,
+}
+
+/// Joins parts, in their order.
+pub fn joined<B: Bounds8>(parts: Vec<Part<B>>) -> Gathered<B> {
+    let sum = |count: fn(&Part<B>) -> usize| parts.iter().map(count).sum::<usize>();
+    let mut blocks = Vec::with_capacity(sum(|p| p.blocks.len()));
+    let mut items = Vec::with_capacity(sum(|p| p.items.len()));
+    let mut frames = Vec::with_capacity(sum(|p| p.frames.len()) + 1);
+    frames.push(Frame::IDENTITY);
+    for mut part in parts {
+        let (block_base, frame_base) = (blocks.len() as u32, frames.len() as u32 - 1);
+        for block in part.blocks.iter_mut().filter(|b| b.frame != 0) {
+            block.frame += frame_base;
+        }
+        if block_base > 0 && !part.blocks.is_empty() {
+            for item in part.items.iter_mut().filter(|i| i.id & super::LOOSE == 0) {
+                item.id += block_base;
+            }
+        }
+        blocks.append(&mut part.blocks);
+        items.append(&mut part.items);
+        frames.append(&mut part.frames);
+    }
+    Gathered {
+        blocks,
+        frames,
+        items,
+    }
 }

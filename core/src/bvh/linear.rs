@@ -137,12 +137,14 @@ fn excess(b0: f32, b1: f32, time: f32, value: f32, sign: f64) -> f64 {
 }
 
 /// Largest f32 not above `x`.
+#[inline]
 pub fn round_down(x: f64) -> f32 {
     let y = x as f32;
     if f64::from(y) > x { y.next_down() } else { y }
 }
 
 /// Smallest f32 not below `x`.
+#[inline]
 pub fn round_up(x: f64) -> f32 {
     let y = x as f32;
     if f64::from(y) < x { y.next_up() } else { y }

@@ -30,6 +30,8 @@ pub mod bound;
 pub mod build;
 pub mod frame;
 pub mod gather;
+pub mod group8;
+pub mod lanes;
 pub mod linear;
 pub mod node;
 pub mod object;

@@ -12,10 +12,13 @@
 //! **A slab test** multiplies out `(plane(time) - o) / d`: what depends on the ray and the node, but not
 //! on the child, is computed once, and a plane costs one product and one sum an end.
 
-use glam::{DVec3, Vec3};
-use hdtrapeze_simd::{Float, Simd};
+use std::marker::PhantomData;
+
+use glam::DVec3;
+use hdtrapeze_simd::{Float, Kernel, Level, Simd};
 
 use super::LinearBox;
+use super::lanes::{Boxes8, Ranges8};
 use super::linear::round_up;
 use super::sorted::{Hull, LinearHull, StaticHull};
 
@@ -28,17 +31,48 @@ pub trait Bounds8: Clone + Copy + Send + Sync + std::fmt::Debug + 'static {
     const MOVING: bool;
     /// The boxes that a tree of this kind is built by.
     type Hull: Hull;
-    /// Packs the boxes of up to 8 children, outward; the other slots hold numbers that are never used.
-    fn pack(boxes: &[LinearBox]) -> Self;
+    /// Packs the boxes of children, outward. Boxes in lanes without a child must be among those of the others.
+    fn pack<S: Simd>(simd: S, boxes: &Boxes8<S::F8>) -> Self;
     /// The box of one child, as stored.
     fn unpack(&self, slot: usize) -> StoredBox;
     /// What slab tests need at the start of the shutter.
     fn start(&self) -> &Lattice8;
     /// The same at its end; [`Bounds8::start`] where nothing moves.
     fn end(&self) -> &Lattice8;
-    /// The magnitude of no stored plane is larger.
-    fn max_abs(&self) -> f32 {
-        self.start().max_abs().max(self.end().max_abs())
+    /// Largest magnitude of a stored plane, but for a rounding of f64.
+    #[inline(always)]
+    fn reach(&self) -> f64 {
+        let start = self.start().reach();
+        if Self::MOVING {
+            start.max(self.end().reach())
+        } else {
+            start
+        }
+    }
+}
+
+/// At least the magnitude of any plane, by [`Bounds8::reach`].
+pub fn magnitude(reach: f64) -> f32 {
+    // Rounded up twice, once for f64's sum.
+    if reach > 0.0 {
+        round_up(reach).next_up()
+    } else {
+        0.0
+    }
+}
+
+/// Packs 1 to 8 boxes, outward.
+pub fn pack<B: Bounds8>(level: Level, boxes: &[LinearBox]) -> B {
+    level.run(Pack(boxes, PhantomData))
+}
+
+struct Pack<'a, B>(&'a [LinearBox], PhantomData<B>);
+
+impl<B: Bounds8> Kernel for Pack<'_, B> {
+    type Output = B;
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> B {
+        B::pack(simd, &Boxes8::of(simd, self.0))
     }
 }
 
@@ -92,41 +126,36 @@ const STEPS: f64 = 255.0;
 const NUMBER_PAD: f32 = 1.0 / (1 << 10) as f32;
 
 impl Lattice8 {
-    /// Packs `count` boxes, lower and upper bounds `[axis][side][slot]`.
     #[inline(always)]
-    fn pack(boxes: &[[[f32; 8]; 2]; 3], count: usize) -> Self {
+    fn pack<S: Simd>(simd: S, boxes: &Ranges8<S::F8>) -> Self {
         let mut out = Self {
             origin: [0.0; 3],
             step: [0.0; 3],
             planes: Bytes::default(),
         };
-        for (axis, [lo, hi]) in boxes.iter().enumerate() {
-            let (mut origin, mut last) = (f32::INFINITY, f32::NEG_INFINITY);
-            for slot in 0..count.min(8) {
-                origin = if lo[slot] < origin { lo[slot] } else { origin };
-                last = if hi[slot] > last { hi[slot] } else { last };
-            }
-            let extent = f64::from(last) - f64::from(origin);
+        let (first, last) = boxes.hull();
+        for axis in 0..3 {
+            let extent = f64::from(last[axis]) - f64::from(first[axis]);
             // Rounded up twice, once for f64's quotient: the last plane is not below the largest bound.
             let step = if extent > 0.0 {
                 round_up(extent / STEPS).next_up()
             } else {
                 0.0
             };
-            (out.origin[axis], out.step[axis]) = (origin, step);
+            (out.origin[axis], out.step[axis]) = (first[axis], step);
             let inverse = 1.0 / step;
             if !inverse.is_finite() {
                 // A flat axis, or nearly: all planes will do.
                 out.planes[axis][1] = [255; 8];
                 continue;
             }
-            for slot in 0..8 {
-                // Casts saturate: at the first plane, which is the least bound, and at the last.
-                let q = ((lo[slot] - origin) * inverse - NUMBER_PAD).floor();
-                let p = ((hi[slot] - origin) * inverse + NUMBER_PAD).ceil();
-                out.planes[axis][0][slot] = q as u8;
-                out.planes[axis][1][slot] = p as u8;
-            }
+            let (origin, inverse) = (simd.all8(first[axis]), simd.all8(inverse));
+            let pad = simd.all8(NUMBER_PAD);
+            // Saturated: at the first plane, which is the least bound, and at the last.
+            out.planes[axis] = simd.outward8(
+                (boxes.lo[axis] - origin) * inverse - pad,
+                (boxes.hi[axis] - origin) * inverse + pad,
+            );
         }
         out
     }
@@ -140,20 +169,14 @@ impl Lattice8 {
         })
     }
 
-    fn max_abs(&self) -> f32 {
-        (0..3).fold(0.0, |most: f32, axis| {
+    #[inline(always)]
+    fn reach(&self) -> f64 {
+        let mut most: f64 = 0.0;
+        for axis in 0..3 {
             let (origin, step) = (f64::from(self.origin[axis]), f64::from(self.step[axis]));
-            let last = round_up((origin + STEPS * step).abs()).next_up();
-            most.max(self.origin[axis].abs()).max(last)
-        })
-    }
-}
-
-/// Lower and upper bounds of a child, into `[axis][side][slot]`.
-#[inline(always)]
-fn put(to: &mut [[[f32; 8]; 2]; 3], slot: usize, bounds: [Vec3; 2]) {
-    for (axis, to) in to.iter_mut().enumerate() {
-        (to[0][slot], to[1][slot]) = (bounds[0][axis], bounds[1][axis]);
+            most = most.max(origin.abs()).max((origin + STEPS * step).abs());
+        }
+        most
     }
 }
 
@@ -161,13 +184,22 @@ impl Bounds8 for StaticSlabs {
     const MOVING: bool = false;
     type Hull = StaticHull;
     #[inline(always)]
-    fn pack(boxes: &[LinearBox]) -> Self {
+    fn pack<S: Simd>(simd: S, boxes: &Boxes8<S::F8>) -> Self {
         // A box that moves is contained by the union of its two ends.
-        let mut hulls = [[[0.0; 8]; 2]; 3];
-        for (slot, b) in boxes.iter().enumerate().take(8) {
-            put(&mut hulls, slot, [b.lo0.min(b.lo1), b.hi0.max(b.hi1)]);
-        }
-        Self(Lattice8::pack(&hulls, boxes.len()))
+        let (a, b) = (&boxes.start, &boxes.end);
+        let hulls = Ranges8 {
+            lo: [
+                a.lo[0].min(b.lo[0]),
+                a.lo[1].min(b.lo[1]),
+                a.lo[2].min(b.lo[2]),
+            ],
+            hi: [
+                a.hi[0].max(b.hi[0]),
+                a.hi[1].max(b.hi[1]),
+                a.hi[2].max(b.hi[2]),
+            ],
+        };
+        Self(Lattice8::pack(simd, &hulls))
     }
     fn unpack(&self, slot: usize) -> StoredBox {
         let planes = self.0.unpack(slot);
@@ -190,16 +222,10 @@ impl Bounds8 for LinearSlabs {
     const MOVING: bool = true;
     type Hull = LinearHull;
     #[inline(always)]
-    fn pack(boxes: &[LinearBox]) -> Self {
-        let mut ends = [[[[0.0; 8]; 2]; 3]; 2];
-        for (slot, b) in boxes.iter().enumerate().take(8) {
-            for (end, bounds) in ends.iter_mut().zip([[b.lo0, b.hi0], [b.lo1, b.hi1]]) {
-                put(end, slot, bounds);
-            }
-        }
+    fn pack<S: Simd>(simd: S, boxes: &Boxes8<S::F8>) -> Self {
         Self {
-            start: Lattice8::pack(&ends[0], boxes.len()),
-            end: Lattice8::pack(&ends[1], boxes.len()),
+            start: Lattice8::pack(simd, &boxes.start),
+            end: Lattice8::pack(simd, &boxes.end),
         }
     }
     fn unpack(&self, slot: usize) -> StoredBox {

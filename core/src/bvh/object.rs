@@ -2,14 +2,15 @@
 //!
 //! Shared by `Arc` between instances.
 
-use glam::Vec3;
 use hdtrapeze_simd::Level;
+use rayon::prelude::*;
 
 use super::block::Block;
-use super::build::{self, Item, Nodes, Tree};
-use super::gather::{Part, gather};
+use super::build::{Nodes, PARALLEL_ITEMS, Tree, build_sorted};
+use super::gather::{Gathered, Part, gather, joined};
+use super::node::magnitude;
 use super::orient::Strands;
-use super::{Bounds8, Frame, LinearBox, LinearSlabs, StaticSlabs};
+use super::{Bounds8, LinearBox, LinearSlabs, Node, StaticSlabs};
 use crate::grid::{DicedMesh, PlanarMesh};
 
 /// Set in an item of the tree that is a [loose group](super::block::loose) rather than a block; below it
@@ -105,28 +106,10 @@ impl ObjectGeometry {
     /// Builds the tree over a mesh, in parallel. Grids that cannot be traced (a vertex not finite, an
     /// index out of range) are left out and counted in [`BvhStats::dropped_grids`].
     pub fn new(mesh: DicedMesh) -> Self {
-        let sound: Vec<bool> = (0..mesh.grids.len())
-            .map(|g| mesh.is_usable() && mesh.is_sound(g))
-            .collect();
-        let mesh = PlanarMesh::from(mesh);
-        let mut stats = BvhStats {
-            cells: mesh.cell_count() as u64,
-            mesh_bytes: mesh.bytes() as u64,
-            ..BvhStats::default()
-        };
-        let (blas, bounds, radius) = if mesh.is_moving() {
-            let (tree, bounds, radius) = build_blocks(&mesh, &sound, &mut stats);
-            (Blas::Moving(tree), bounds, radius)
+        if mesh.is_moving() {
+            build_blocks(mesh, Blas::Moving)
         } else {
-            let (tree, bounds, radius) = build_blocks(&mesh, &sound, &mut stats);
-            (Blas::Static(tree), bounds, radius)
-        };
-        Self {
-            mesh,
-            blas,
-            bounds,
-            radius,
-            stats,
+            build_blocks(mesh, Blas::Static)
         }
     }
 
@@ -159,69 +142,64 @@ impl ObjectGeometry {
 }
 
 fn build_blocks<B: Bounds8>(
-    mesh: &PlanarMesh,
-    sound: &[bool],
-    stats: &mut BvhStats,
-) -> (BlockTree<B>, LinearBox, f32) {
-    let parts: Vec<Part<B>> = gather(mesh, sound);
-    let block_count = parts.iter().map(|p| p.blocks.len()).sum();
-    let loose_count: usize = parts.iter().map(|p| p.loose.len()).sum();
-    let strips: usize = parts.iter().map(|p| p.strips).sum();
-    let mut blocks = Vec::with_capacity(block_count);
-    let mut items = Vec::with_capacity(block_count + loose_count);
-    let mut frames: Vec<Frame> = vec![Frame::IDENTITY];
+    mesh: DicedMesh,
+    kind: impl Fn(BlockTree<B>) -> Blas,
+) -> ObjectGeometry {
+    let (mesh, parts): (PlanarMesh, Vec<Part<B>>) = gather(mesh);
     let mut bounds = LinearBox::EMPTY;
-    let mut radius: f32 = 0.0;
-    for part in parts {
-        stats.dropped_grids += part.dropped;
-        for b in part.blocks {
-            let mut block = b.block;
-            if let Some(frame) = b.frame {
-                block.frame = frames.len() as u32;
-                frames.push(frame);
-            }
-            items.push(Item {
-                bounds: b.aabb,
-                id: blocks.len() as u32,
-                along: Vec3::ZERO,
-            });
-            blocks.push(block);
-            bounds = bounds.union(&b.aabb);
-            radius = radius.max(b.max_abs);
-        }
-        for item in part.loose {
-            bounds = bounds.union(&item.bounds);
-            items.push(item);
-        }
+    let (mut reach, mut strips, mut dropped) = (0.0f64, 0, 0);
+    for part in &parts {
+        bounds = bounds.union(&part.bounds);
+        reach = reach.max(part.reach);
+        strips += part.strips;
+        dropped += part.dropped;
     }
-    if !items.is_empty() {
-        radius = radius.max(bounds.max_abs());
-    }
-    stats.oriented_blocks = frames.len() as u64 - 1;
+    let Gathered {
+        blocks,
+        frames,
+        items,
+    } = joined(parts);
+    let oriented_blocks = frames.len() as u64 - 1;
+    let (item_count, empty) = (items.len(), items.is_empty());
     // Where strands are most of the items, so many that memory counts, full nodes cost no time either.
-    let kind = if 2 * strips > items.len() {
+    let nodes = if 2 * strips > items.len() {
         Nodes::Full
     } else {
         Nodes::Cheap
     };
     let strands = Strands {
-        mesh,
+        mesh: &mesh,
         level: Level::best(),
     };
-    let mut tree: Tree<B> = build::build_items(items, kind, (strips > 0).then_some(&strands));
-    // Frames of nodes come first.
-    for block in blocks.iter_mut().filter(|b| b.frame != 0) {
-        block.frame += tree.frames.len() as u32 - 1;
-    }
-    tree.frames.extend_from_slice(&frames[1..]);
+    let tree: Tree<B> = build_sorted(items, frames, nodes, (strips > 0).then_some(&strands));
     // Oriented bounds, and bounds as packed, may reach farther than any vertex: they are part of the radius.
-    for node in &tree.nodes {
-        radius = radius.max(node.bounds.max_abs());
+    let reach_of = |nodes: &[Node<B>]| {
+        let reaches = nodes.iter().map(|n| n.bounds.reach());
+        reaches.fold(0.0, f64::max)
+    };
+    let nodes = tree.nodes.par_chunks(PARALLEL_ITEMS).map(reach_of);
+    reach = reach.max(nodes.reduce(|| 0.0, f64::max));
+    let radius = if empty {
+        0.0
+    } else {
+        bounds.max_abs().max(magnitude(reach))
+    };
+    let stats = BvhStats {
+        nodes: tree.nodes.len() as u64,
+        oriented_nodes: tree.nodes.iter().filter(|n| n.frame != 0).count() as u64,
+        blocks: blocks.len() as u64,
+        loose_groups: (item_count - blocks.len()) as u64,
+        oriented_blocks,
+        cells: mesh.cell_count() as u64,
+        dropped_grids: dropped,
+        bvh_bytes: (tree.bytes() + size_of_val(blocks.as_slice())) as u64,
+        mesh_bytes: mesh.bytes() as u64,
+    };
+    ObjectGeometry {
+        mesh,
+        blas: kind(BlockTree { tree, blocks }),
+        bounds,
+        radius,
+        stats,
     }
-    stats.nodes = tree.nodes.len() as u64;
-    stats.oriented_nodes = tree.nodes.iter().filter(|n| n.frame != 0).count() as u64;
-    stats.blocks = blocks.len() as u64;
-    stats.loose_groups = loose_count as u64;
-    stats.bvh_bytes = (tree.bytes() + size_of_val(blocks.as_slice())) as u64;
-    (BlockTree { tree, blocks }, bounds, radius)
 }

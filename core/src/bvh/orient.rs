@@ -17,6 +17,7 @@ use super::bound::{TURN_COST, bound_groups};
 use super::object::loose_group;
 use super::sorted::{Hull, Sorted};
 use crate::grid::PlanarMesh;
+use crate::grid::planar::GridPlanes;
 
 /// Most items of a range that is tried.
 pub const MOST_ITEMS: usize = 2048;
@@ -111,16 +112,15 @@ fn common_frame<H: Hull>(items: &[Sorted<H>]) -> Option<Frame> {
 }
 
 /// From end to end of a group of a strip, the mean of both ends of the shutter.
-pub fn direction(mesh: &PlanarMesh, grid: u32, rect: CellRect) -> Vec3 {
-    let g = grid as usize;
-    let stride = usize::from(mesh.grids[g].nu) + 1;
+pub fn direction(planes: &GridPlanes<'_>, rect: CellRect) -> Vec3 {
+    let stride = usize::from(planes.grid.nu) + 1;
     let [i, j, w, h] = [rect.i, rect.j, rect.w, rect.h].map(usize::from);
     let from = j * stride + i;
-    let to = if mesh.grids[g].nu == 1 {
+    let to = if planes.grid.nu == 1 {
         from + h * stride
     } else {
         from + w
     };
-    let edge = |k: usize| mesh.position(g, k, to) - mesh.position(g, k, from);
-    (edge(0) + edge(mesh.key_count() - 1)) * 0.5
+    let edge = |k: usize| planes.position(k, to) - planes.position(k, from);
+    (edge(0) + edge(planes.key_times.len() - 1)) * 0.5
 }

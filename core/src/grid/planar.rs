@@ -4,7 +4,10 @@
 //! vertices of grid `g`, of which there are `n`, have at key `k` their x, y and z coordinates at
 //! `3 first_vertex K + 3 k n`, and `n` and `2 n` after that.
 
+use std::ops::Range;
+
 use glam::{DVec3, Vec3};
+use hdtrapeze_simd::{Kernel, Level, Simd};
 use rayon::prelude::*;
 
 use super::{DicedMesh, Grid, GridChannel, MAX_GRID_RATE};
@@ -32,62 +35,186 @@ pub struct PlanarMesh {
     pub channels: Vec<GridChannel>,
 }
 
-impl From<DicedMesh> for PlanarMesh {
-    /// Grids that are not sound (see [`DicedMesh::is_sound`]) get zeros for positions.
-    fn from(mesh: DicedMesh) -> Self {
-        let planes = if mesh.is_usable() {
-            planes_of(&mesh)
-        } else {
-            Vec::new()
-        };
-        Self {
-            origin: mesh.origin,
-            key_times: mesh.key_times,
-            grids: mesh.grids,
-            vertex_count: mesh.vertex_count,
-            planes,
-            normal_key_count: mesh.normal_key_count,
-            normals: mesh.normals,
-            channels: mesh.channels,
-        }
+/// The planes of one grid.
+#[derive(Clone, Copy, Debug)]
+pub struct GridPlanes<'a> {
+    /// The grid.
+    pub grid: Grid,
+    /// Key times across the shutter.
+    pub key_times: &'a [f32],
+    /// Its planes, from the first key's x on, and [more floats](PlanarMesh::planes) after the last.
+    pub planes: &'a [f32],
+}
+
+impl GridPlanes<'_> {
+    /// Position of vertex `i` at key `k`.
+    #[inline(always)]
+    pub fn position(&self, k: usize, i: usize) -> Vec3 {
+        let n = self.grid.vertex_count();
+        let x = 3 * k * n + i;
+        Vec3::new(self.planes[x], self.planes[x + n], self.planes[x + 2 * n])
+    }
+    /// The coordinates of all vertices at all keys.
+    pub fn coordinates(&self) -> &[f32] {
+        &self.planes[..self.grid.vertex_count() * 3 * self.key_times.len()]
     }
 }
 
 /// Vertices that one thread turns at a time.
-const PART: usize = 1 << 14;
+const PART: usize = 1 << 13;
 
-fn planes_of(mesh: &DicedMesh) -> Vec<f32> {
-    let keys = mesh.key_count();
-    let mut planes = vec![0.0; mesh.vertex_count * keys * 3 + PAD];
-    // Runs of grids, each with its part of the planes.
-    let mut parts: Vec<(std::ops::Range<usize>, usize, &mut [f32])> = Vec::new();
-    let mut rest = &mut planes[..];
-    let (mut first, mut from) = (0, 0);
-    for (g, grid) in mesh.grids.iter().enumerate() {
-        let start = grid.first_vertex as usize;
-        if mesh.is_sound(g) && start >= from + PART {
-            let (part, after) = rest.split_at_mut((start - from) * keys * 3);
-            parts.push((first..g, from, part));
-            (rest, first, from) = (after, g, start);
+/// A run of grids, whose positions are not planes yet.
+pub struct Run<'a> {
+    key_times: &'a [f32],
+    grids: &'a [Grid],
+    sound: &'a [bool],
+    numbers: Range<usize>,
+    /// First vertex of the floats.
+    first: usize,
+    floats: &'a mut [f32],
+}
+
+impl Run<'_> {
+    /// Vertices of the run, about.
+    pub fn vertex_count(&self) -> usize {
+        self.floats.len() / (3 * self.key_times.len().max(1))
+    }
+
+    /// Turns all grids into planes, in their order, and shows them to `visit` by number; none for a grid that
+    /// cannot be traced ([`DicedMesh::is_sound`]).
+    pub fn turn(self, level: Level, mut visit: impl FnMut(u32, Option<GridPlanes<'_>>)) {
+        let mut planes = Vec::new();
+        for g in self.numbers {
+            if !self.sound[g] {
+                visit(g as u32, None);
+                continue;
+            }
+            let grid = self.grids[g];
+            let size = 3 * grid.vertex_count() * self.key_times.len();
+            let from = (grid.first_vertex as usize - self.first) * self.key_times.len() * 3;
+            if planes.len() < size + PAD {
+                planes.resize(size + PAD, 0.0);
+            }
+            level.run(Turn {
+                floats: &mut self.floats[from..from + size],
+                planes: &mut planes[..size],
+                vertices: grid.vertex_count(),
+            });
+            let planes = GridPlanes {
+                grid,
+                key_times: self.key_times,
+                planes: &planes[..size + PAD],
+            };
+            visit(g as u32, Some(planes));
         }
     }
-    parts.push((first..mesh.grids.len(), from, rest));
-    parts.into_par_iter().for_each(|(grids, from, part)| {
-        for g in grids.filter(|&g| mesh.is_sound(g)) {
-            let grid = &mesh.grids[g];
-            let (start, n) = (grid.first_vertex as usize, grid.vertex_count());
-            let positions = &mesh.positions[start * keys..][..n * keys];
-            let part = &mut part[(start - from) * keys * 3..][..n * keys * 3];
-            for (positions, planes) in positions.chunks_exact(n).zip(part.chunks_exact_mut(3 * n)) {
-                let (x, yz) = planes.split_at_mut(n);
-                let (y, z) = yz.split_at_mut(n);
-                for (i, p) in positions.iter().enumerate() {
-                    (x[i], y[i], z[i]) = (p.x, p.y, p.z);
-                }
+}
+
+/// Turns positions into planes, there and in a copy.
+struct Turn<'a> {
+    floats: &'a mut [f32],
+    planes: &'a mut [f32],
+    vertices: usize,
+}
+
+impl Kernel for Turn<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<S: Simd>(self, _: S) {
+        let n = self.vertices;
+        let keys = self.floats.chunks_exact(3 * n);
+        for (points, planes) in keys.zip(self.planes.chunks_exact_mut(3 * n)) {
+            let (x, yz) = planes.split_at_mut(n);
+            let (y, z) = yz.split_at_mut(n);
+            let to = x.iter_mut().zip(y).zip(z);
+            for (p, ((x, y), z)) in points.chunks_exact(3).zip(to) {
+                (*x, *y, *z) = (p[0], p[1], p[2]);
             }
         }
-    });
-    planes
+        self.floats.copy_from_slice(self.planes);
+    }
+}
+
+impl From<DicedMesh> for PlanarMesh {
+    fn from(mesh: DicedMesh) -> Self {
+        Self::turned(mesh, |run| run.turn(Level::best(), |_, _| {})).0
+    }
+}
+
+impl PlanarMesh {
+    /// Turns the positions of a mesh into planes, in place. Runs of grids are handed to `visit`, from several
+    /// threads, which turns them; what it returned, in the order of the grids. A mesh that is not
+    /// [usable](DicedMesh::is_usable) has no planes, and no sound grids.
+    pub fn turned<T: Send>(
+        mesh: DicedMesh,
+        visit: impl Fn(Run<'_>) -> T + Sync + Send,
+    ) -> (Self, Vec<T>) {
+        let usable = mesh.is_usable();
+        let keys = mesh.key_count();
+        let mut floats: Vec<f32> = Vec::new();
+        // Grids that are sound, and none of whose vertices are those of one before.
+        let (mut sound, mut end) = (vec![false; mesh.grids.len()], 0);
+        if usable {
+            for (g, grid) in mesh.grids.iter().enumerate() {
+                let first = grid.first_vertex as usize;
+                sound[g] = mesh.is_sound(g) && first >= end;
+                end = if sound[g] {
+                    first + grid.vertex_count()
+                } else {
+                    end
+                };
+            }
+            let mut positions = mesh.positions;
+            positions.truncate(mesh.vertex_count * keys);
+            positions.reserve_exact(PAD.div_ceil(3));
+            floats = bytemuck::cast_vec(positions);
+            floats.resize(mesh.vertex_count * keys * 3 + PAD, 0.0);
+            floats.shrink_to_fit();
+        }
+        let run = |numbers: Range<usize>, first, floats| Run {
+            key_times: &mesh.key_times,
+            grids: &mesh.grids,
+            sound: &sound,
+            numbers,
+            first,
+            floats,
+        };
+        let mut runs = Vec::new();
+        let mut rest = &mut floats[..];
+        let (mut number, mut from) = (0, 0);
+        for (g, grid) in mesh.grids.iter().enumerate() {
+            let first = grid.first_vertex as usize;
+            if sound[g] && first >= from + PART {
+                let (part, after) = rest.split_at_mut((first - from) * keys * 3);
+                runs.push(run(number..g, from, part));
+                (rest, number, from) = (after, g, first);
+            }
+        }
+        runs.push(run(number..mesh.grids.len(), from, rest));
+        let visited = runs.into_par_iter().map(visit).collect();
+        let mesh = Self {
+            origin: mesh.origin,
+            key_times: mesh.key_times,
+            grids: mesh.grids,
+            vertex_count: mesh.vertex_count,
+            planes: floats,
+            normal_key_count: mesh.normal_key_count,
+            normals: mesh.normals,
+            channels: mesh.channels,
+        };
+        (mesh, visited)
+    }
+
+    /// The planes of grid `g`.
+    #[inline(always)]
+    pub fn grid_planes(&self, g: usize) -> GridPlanes<'_> {
+        let grid = self.grids[g];
+        GridPlanes {
+            grid,
+            key_times: &self.key_times,
+            planes: &self.planes[self.plane_start(&grid, 0)..],
+        }
+    }
 }
 
 impl PlanarMesh {
@@ -103,7 +230,8 @@ impl PlanarMesh {
     pub fn cell_count(&self) -> usize {
         self.grids.iter().map(Grid::cell_count).sum()
     }
-    /// The planes of all grids.
+    /// The planes of all grids, and so many floats more that a row of 5 from any row of a lattice, or the two
+    /// after it, is in there.
     #[inline(always)]
     pub fn planes(&self) -> &[f32] {
         &self.planes
@@ -163,9 +291,13 @@ mod tests {
         mesh.grids[77].nu = 99;
         mesh.grids[200].first_vertex = 3;
         mesh.grids[201].first_vertex = u32::MAX;
+        // After the grid before it, but among the vertices of others.
+        mesh.grids[300].first_vertex = 3;
+        mesh.grids[301].first_vertex = 1000;
         assert!(mesh.vertex_count > 2 * PART);
         let planar = PlanarMesh::from(mesh.clone());
-        for g in (0..400).filter(|&g| ![77, 78, 200, 201, 202].contains(&g)) {
+        let left_out = [77, 78, 200, 201, 202, 300, 301];
+        for g in (0..400).filter(|g| !left_out.contains(g)) {
             for k in 0..3 {
                 for (i, &p) in mesh.grid_positions(g, k).iter().enumerate() {
                     assert_eq!(planar.position(g, k, i), p, "{g} {k} {i}");

@@ -3,7 +3,7 @@
 use glam::Vec3;
 use hdtrapeze_core::bvh::block::CellRect;
 use hdtrapeze_core::bvh::bound::bound_groups;
-use hdtrapeze_core::bvh::node::Lattice8;
+use hdtrapeze_core::bvh::node::{Lattice8, pack};
 use hdtrapeze_core::bvh::{
     Bounds8, Frame, LinearBox, LinearSlabs, ROTATION_PAD, ROTATION_TINY, StaticSlabs,
 };
@@ -139,7 +139,10 @@ fn quantized_planes() {
                 ..*b
             })
             .collect();
-        let (linear, fixed) = (LinearSlabs::pack(&boxes), StaticSlabs::pack(&still));
+        let (linear, fixed) = (
+            pack::<LinearSlabs>(Level::best(), &boxes),
+            pack::<StaticSlabs>(Level::best(), &still),
+        );
         let mut worst = f64::NEG_INFINITY;
         let mut see = |lattice: &Lattice8, slot: usize, lo: f32, hi: f32| {
             let step = f64::from(lattice.step[0]);

@@ -4,7 +4,8 @@ use std::collections::HashMap;
 
 use glam::Vec3;
 use hdtrapeze_core::bvh::bound::bound_groups;
-use hdtrapeze_core::bvh::node::enter;
+use hdtrapeze_core::bvh::lanes::Boxes8;
+use hdtrapeze_core::bvh::node::{enter, magnitude};
 use hdtrapeze_core::bvh::{Bounds8, Frame, LinearBox, LinearSlabs, StaticSlabs};
 use hdtrapeze_core::grid::PlanarMesh;
 use hdtrapeze_core::trace::cell::CellRay;
@@ -108,10 +109,15 @@ impl<B: Bounds8> Kernel for Culled<'_, B> {
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) -> Option<f64> {
         let case = self.0;
-        let bounds = B::pack(&case.boxes);
+        let bounds = B::pack(simd, &Boxes8::of(simd, &case.boxes));
         let (origin, dir, time) = case.ray;
         let time = if B::MOVING { time } else { 0.0 };
-        let ray = ObjectRay::new(origin, dir, time, case.radius.max(bounds.max_abs()))?;
+        let ray = ObjectRay::new(
+            origin,
+            dir,
+            time,
+            case.radius.max(magnitude(bounds.reach())),
+        )?;
         let cells = CellRay::new(&ray, &case.mesh.key_times);
         let mut hits = Vec::new();
         if B::MOVING {
