@@ -13,7 +13,7 @@ pub struct WorldRay {
     pub origin: DVec3,
     /// Direction; need not be unit length.
     pub dir: Vec3,
-    /// In [0, 1] across the shutter.
+    /// In [0, 1] across the shutter; clamped.
     pub time: f32,
     /// Nearest distance, in units of `dir`; below 0 is 0.
     pub t_min: f32,
@@ -60,7 +60,8 @@ impl Prepared {
         // Traced with a direction of unit length, so that its length does not matter to f32.
         let dir = ray.dir.as_dvec3();
         let length = dir.length();
-        let scaled = |t: f32| (f64::from(t).max(0.0) * length) as f32;
+        // NaN stays what it is, and misses.
+        let scaled = |t: f32| (f64::from(if t < 0.0 { 0.0 } else { t }) * length) as f32;
         let local = Ray {
             origin: (ray.origin - self.camera.origin()).as_vec3(),
             dir: (dir / length).as_vec3(),
@@ -69,7 +70,9 @@ impl Prepared {
             t_max: scaled(ray.t_max),
         };
         let hit = self.world.trace(&local, &mut TraceCounts::default());
-        if !hit.is_hit() {
+        let t = (f64::from(hit.t) / length) as f32;
+        // What is too far to be told in units of a tiny direction is not there.
+        if !hit.is_hit() || !t.is_finite() {
             return WorldHit {
                 t: f32::INFINITY,
                 u: 0.0,
@@ -84,7 +87,7 @@ impl Prepared {
         }
         let (_, prim) = self.hit_prim(&hit);
         WorldHit {
-            t: (f64::from(hit.t) / length) as f32,
+            t,
             u: hit.u,
             v: hit.v,
             normal: self

@@ -33,7 +33,7 @@ pub struct Ray {
     pub origin: Vec3,
     /// Need not be unit length.
     pub dir: Vec3,
-    /// Instant in [0, 1]; clamped.
+    /// Instant in [0, 1]; clamped, but NaN misses.
     pub time: f32,
     /// Hits nearer than this are ignored.
     pub t_min: f32,

@@ -28,8 +28,9 @@ thread_local! {
 }
 
 impl World {
-    /// The nearest hit between `t_min` and `t_max`, both inclusive. A ray that is not finite, has no
-    /// direction, or is absurdly long or far misses; time is clamped to [0, 1], NaN counting as 0.
+    /// The nearest hit between `t_min` and `t_max`, both inclusive. A ray with a number that is NaN, that
+    /// starts nowhere finite, has no finite direction, or is absurdly long or far misses; time is clamped to [0, 1].
+    /// Where many surfaces coincide, each has to be asked which is nearest: time is linear in their number.
     pub fn trace(&self, ray: &Ray, counts: &mut TraceCounts) -> Hit {
         self.next::<false>(ray, None, counts)
     }
@@ -134,7 +135,7 @@ impl World {
         let mut lanes = 0;
         for (lane, ray) in rays.iter().enumerate() {
             // Written so that NaN is left out.
-            if ray.t_min <= ray.t_max {
+            if ray.t_min <= ray.t_max && !ray.time.is_nan() {
                 lanes |= 1 << lane;
                 queries.best[lane].t = ray.t_max;
                 queries.t_min[lane] = ray.t_min;
@@ -254,7 +255,9 @@ impl World {
             after,
             any,
         };
-        if query.t_min > ray.t_max || query.t_min.is_nan() || ray.t_max.is_nan() {
+        // Written so that NaN is left out.
+        let sound = query.t_min <= ray.t_max && !ray.time.is_nan();
+        if !sound {
             return Hit::MISS;
         }
         stack.clear();

@@ -10,6 +10,7 @@ mod messages;
 mod motion;
 mod nulls;
 mod panics;
+mod rays;
 mod shapes;
 mod support;
 mod threads;
