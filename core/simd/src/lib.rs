@@ -85,6 +85,11 @@ pub trait Simd: Copy + Debug {
     /// # Panics
     /// `plane` ends before the fifth float of a place.
     fn rows(self, plane: &[f32], at: [usize; 4]) -> [Self::F16; 2];
+    /// 8 floats from each of 2 places, and the 8 that begin one later.
+    ///
+    /// # Panics
+    /// `plane` ends before the ninth float of a place.
+    fn long_rows(self, plane: &[f32], at: [usize; 2]) -> [Self::F16; 2];
     /// The smallest of each 4 lanes of `a`, then of `b`. None may be NaN.
     fn least_of_fours(self, a: Self::F16, b: Self::F16) -> Self::F8;
     /// The largest of each 4 lanes of `a`, then of `b`. None may be NaN.

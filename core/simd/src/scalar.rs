@@ -176,6 +176,15 @@ impl Simd for Scalar {
         [at(0), at(1)]
     }
     #[inline]
+    fn long_rows(self, plane: &[f32], at: [usize; 2]) -> [Array<16>; 2] {
+        let at = |later: usize| {
+            Array(std::array::from_fn(|i| {
+                plane[at[i / 8]..][..9][i % 8 + later]
+            }))
+        };
+        [at(0), at(1)]
+    }
+    #[inline]
     fn least_of_fours(self, a: Array<16>, b: Array<16>) -> Array<8> {
         fours(a, b, Array::min)
     }

@@ -79,6 +79,9 @@ impl Kernel for Everything {
             for row in s.rows(&plane, rows) {
                 out.extend(row.to_array().map(f32::to_bits));
             }
+            for row in s.long_rows(&plane, [rows[1], rows[2] - 4 * (rows[2] / 55)]) {
+                out.extend(row.to_array().map(f32::to_bits));
+            }
         }
         for (first, stride) in [(3, 5), (3, 9), (3, 17), (0, 1), (0, 2), (5, 4)] {
             let lattice = s.lattice(&plane, first, stride);
@@ -158,12 +161,31 @@ fn fours_are_joined_and_bytes_rounded_outward() {
     let rows = Scalar.rows(&a, [0, 11, 3, 5]);
     assert_eq!(rows[0].to_array()[4..8], a[11..15]);
     assert_eq!(rows[1].to_array()[4..8], a[12..16]);
+    let rows = Scalar.long_rows(&a, [0, 7]);
+    assert_eq!(rows[0].to_array()[8..], a[7..15]);
+    assert_eq!(rows[1].to_array()[8..], a[8..16]);
 }
 
 #[test]
 #[should_panic]
 fn rows_end_with_the_plane() {
     Level::best().run(LastRow);
+}
+
+#[test]
+#[should_panic]
+fn long_rows_end_with_the_plane() {
+    Level::best().run(LastLongRow);
+}
+
+struct LastLongRow;
+
+impl Kernel for LastLongRow {
+    type Output = ();
+    #[inline(always)]
+    fn run<S: Simd>(self, s: S) {
+        s.long_rows(&[0.0; 20], [12, 0]);
+    }
 }
 
 struct LastRow;

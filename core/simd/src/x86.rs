@@ -473,6 +473,23 @@ fn rows(plane: &[f32], at: [usize; 4]) -> [Pair; 2] {
     }
 }
 
+/// 8 floats from each of 2 places, and the 8 that begin one later.
+#[inline(always)]
+fn long_rows(plane: &[f32], at: [usize; 2]) -> [Pair; 2] {
+    assert!(plane.len() >= 9 && at[0].max(at[1]) <= plane.len() - 9);
+    // SAFETY: AVX is there, as the module's text says; the ninth float from each place is in the plane.
+    unsafe {
+        let (a, b) = (plane.as_ptr().add(at[0]), plane.as_ptr().add(at[1]));
+        [
+            Pair(F256(_mm256_loadu_ps(a)), F256(_mm256_loadu_ps(b))),
+            Pair(
+                F256(_mm256_loadu_ps(a.add(1))),
+                F256(_mm256_loadu_ps(b.add(1))),
+            ),
+        ]
+    }
+}
+
 #[inline(always)]
 fn both(x: Pair) -> F512 {
     x86!(F512(_mm512_insertf32x8::<1>(
@@ -592,6 +609,10 @@ impl Simd for Avx2 {
         rows(plane, at)
     }
     #[inline(always)]
+    fn long_rows(self, plane: &[f32], at: [usize; 2]) -> [Pair; 2] {
+        long_rows(plane, at)
+    }
+    #[inline(always)]
     fn least_of_fours(self, a: Pair, b: Pair) -> F256 {
         fours256!(_mm256_min_ps, a, b)
     }
@@ -685,6 +706,11 @@ impl Simd for Avx512 {
     #[inline(always)]
     fn rows(self, plane: &[f32], at: [usize; 4]) -> [F512; 2] {
         let [first, later] = rows(plane, at);
+        [both(first), both(later)]
+    }
+    #[inline(always)]
+    fn long_rows(self, plane: &[f32], at: [usize; 2]) -> [F512; 2] {
+        let [first, later] = long_rows(plane, at);
         [both(first), both(later)]
     }
     #[inline(always)]

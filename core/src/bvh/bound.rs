@@ -10,7 +10,7 @@ use glam::Vec3;
 use hdtrapeze_simd::{Float, Kernel, Level, Mask, Simd};
 
 use super::block::{Block, CellRect, GROUPS, Span, halves, halving_pays, loose, loose_count};
-use super::group8::{Groups, boxes};
+use super::group8::{Groups, Vertices, boxes};
 use super::lanes::{Boxes8, Ranges8};
 use super::{Bounds8, COORDINATE_LIMIT, Frame, LinearBox};
 use crate::grid::planar::GridPlanes;
@@ -107,46 +107,40 @@ impl<B: Bounds8> Kernel for Bound<'_, B> {
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) -> Bounded<B> {
         let Self { planes, span, .. } = self;
-        let mut groups = Groups::default();
-        for slot in 0..u32::from(span.count) {
-            groups.put(slot as usize, 0, &planes.grid, span.group_rect(slot));
-        }
-        let groups = groups.filled(span.count);
-        let mut best = boxes(simd, planes.planes, planes.key_times, &groups, None);
+        let groups = Groups::of_block(&planes.grid, &span);
+        let vertices = Vertices {
+            planes: planes.planes,
+            key_times: planes.key_times,
+            moving: B::MOVING,
+            one_grid: true,
+        };
+        let mut best = boxes(simd, vertices, &groups, None);
         let aabb = best.hull();
         // Bounds at inner keys may have raised them.
-        let raised = planes.key_times.len() > 2;
+        let raised = B::MOVING && planes.key_times.len() > 2;
         if raised && !(aabb.is_finite() && aabb.max_abs() < COORDINATE_LIMIT) {
             return Bounded::Absurd;
         }
         let whole = aabb.mean_half_area();
-        if let Some(areas) = half_areas(simd, &span, &best)
+        let (u, v) = lattice_edges(planes, &span);
+        let surface = u.cross(v).length();
+        // Boxes of the halves have at least the area of the surface, more or less.
+        if halving_pays([surface, 0.0], whole)
+            && let Some(areas) = half_areas(simd, &span, &best)
             && halving_pays(areas, whole)
         {
             return Bounded::Halve;
         }
-        let count = usize::from(span.count);
-        let mut cost = best.area(simd, B::MOVING, count);
+        let cost = best.area(simd, B::MOVING, span.count);
         let turn = whole * TURN_COST;
         let mut frame = None;
-        let (u, v) = lattice_edges(planes, &span);
-        // Boxes of any frame have at least the area of the surface: where that saves nothing, none is tried.
-        if u.cross(v).length() + turn < cost {
-            for (u, v) in [(u, v), (v, u)] {
-                let Some(candidate) = Frame::from_edges(u, v) else {
-                    continue;
-                };
-                let turned = boxes(
-                    simd,
-                    planes.planes,
-                    planes.key_times,
-                    &groups,
-                    Some(&candidate),
-                );
-                let oriented = turned.area(simd, B::MOVING, count) + turn;
-                if oriented < cost {
-                    (cost, best, frame) = (oriented, turned, Some(candidate));
-                }
+        // So have boxes of any frame: where that saves nothing, none is tried.
+        if surface + turn < cost
+            && let Some(candidate) = frame_of(u, v, &span)
+        {
+            let turned = boxes(simd, vertices, &groups, Some(&candidate));
+            if turned.area(simd, B::MOVING, span.count) + turn < cost {
+                (best, frame) = (turned, Some(candidate));
             }
         }
         Bounded::Block(BuiltBlock {
@@ -178,8 +172,13 @@ impl Kernel for BoundGroups<'_> {
             groups.put(slot, self.mesh.plane_start(grid, 0), grid, rect);
         }
         let groups = groups.filled(self.groups.len() as u8);
-        let (planes, key_times) = (self.mesh.planes(), &self.mesh.key_times);
-        boxes(simd, planes, key_times, &groups, Some(self.frame)).to_boxes()
+        let vertices = Vertices {
+            planes: self.mesh.planes(),
+            key_times: &self.mesh.key_times,
+            moving: self.mesh.is_moving(),
+            one_grid: false,
+        };
+        boxes(simd, vertices, &groups, Some(self.frame)).to_boxes()
     }
 }
 
@@ -198,8 +197,13 @@ impl Kernel for BoundLoose<'_> {
         for slot in 0..count {
             groups.put(slot, 0, grid, loose(grid, slot as u32));
         }
-        let (planes, key_times) = (self.planes.planes, self.planes.key_times);
-        let found = boxes(simd, planes, key_times, &groups.filled(count as u8), None);
+        let vertices = Vertices {
+            planes: self.planes.planes,
+            key_times: self.planes.key_times,
+            moving: self.planes.key_times.len() > 1,
+            one_grid: true,
+        };
+        let found = boxes(simd, vertices, &groups.filled(count as u8), None);
         let hull = found.hull();
         // Bounds at inner keys may have raised them.
         let sound = hull.is_finite() && hull.max_abs() < COORDINATE_LIMIT;
@@ -245,6 +249,20 @@ fn part<S: Simd>(simd: S, boxes: &Boxes8<S::F8>, lanes: <S::F8 as Float<8>>::Mas
     }
     let [start, end] = parts;
     Boxes8 { start, end }.hull()
+}
+
+/// The frame along a block's edges. Of both that lie in its plane, the one that groups fill more: along the longer of
+/// their edges.
+#[inline(always)]
+fn frame_of(u: Vec3, v: Vec3, span: &Span) -> Option<Frame> {
+    let share = |group: u8, block: u8| f32::from(group) / f32::from(block);
+    let along_u = u.length() * share(span.group[0], span.rect.w);
+    let along_v = v.length() * share(span.group[1], span.rect.h);
+    if along_u >= along_v {
+        Frame::from_edges(u, v)
+    } else {
+        Frame::from_edges(v, u)
+    }
 }
 
 /// The block's edges along u and v, each the mean of the two that face each other, in mid-shutter.

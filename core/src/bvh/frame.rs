@@ -37,7 +37,10 @@ impl Frame {
             .try_normalize()
             .filter(|_| x.cross(v).length_squared() > 1e-12 * v.length_squared())
             .unwrap_or_else(|| x.any_orthonormal_vector());
-        Some(Frame::from_axes(x, z.cross(x), z))
+        // Unit and at right angles, but for f64's rounding: so is the third.
+        Some(Frame {
+            axes: [x, z.cross(x), z].map(|a| a.as_vec3()),
+        })
     }
 
     /// Principal axes of a set of points: eigenvectors of their covariance, by cyclic Jacobi

@@ -6,7 +6,7 @@
 use glam::Vec3;
 use hdtrapeze_simd::{Float, Simd};
 
-use super::block::{CellRect, GROUP, GROUPS};
+use super::block::{CellRect, GROUP, GROUPS, Span};
 use super::lanes::{Boxes8, Ranges8};
 use super::{Frame, ROTATION_PAD, ROTATION_TINY};
 use crate::grid::Grid;
@@ -25,6 +25,8 @@ pub struct Groups {
     /// Lanes that are columns of micropolygons, of the first 4 groups and of the others.
     lanes: [u32; 2],
     more_than_4: bool,
+    /// Each second group begins where the one before ends.
+    pairs: bool,
 }
 
 impl Groups {
@@ -56,30 +58,68 @@ impl Groups {
         self.more_than_4 = count > 4;
         self
     }
+
+    /// The groups of a block, whose grid's planes begin at 0.
+    #[inline(always)]
+    pub fn of_block(grid: &Grid, span: &Span) -> Self {
+        let mut groups = Self::default();
+        let [cw, ch] = span.group;
+        let (mut i, mut j) = (0, 0);
+        for slot in 0..usize::from(span.count).min(GROUPS) {
+            let rect = CellRect {
+                i: span.rect.i + i,
+                j: span.rect.j + j,
+                w: cw.min(span.rect.w - i),
+                h: ch.min(span.rect.h - j),
+            };
+            groups.put(slot, 0, grid, rect);
+            i += cw;
+            if i >= span.rect.w {
+                (i, j) = (0, j + ch);
+            }
+        }
+        let mut groups = groups.filled(span.count);
+        groups.pairs = usize::from(cw) == GROUP.0 && span.columns == 2 && span.count == 8;
+        groups
+    }
+}
+
+/// What is bounded.
+#[derive(Clone, Copy)]
+pub struct Vertices<'a> {
+    /// Planes of one grid, or of all.
+    pub planes: &'a [f32],
+    /// Key times across the shutter.
+    pub key_times: &'a [f32],
+    /// There may be more keys than one.
+    pub moving: bool,
+    /// All groups are of one grid.
+    pub one_grid: bool,
 }
 
 /// Bounds over the shutter, in a frame or axis-aligned.
 #[inline(always)]
 pub fn boxes<S: Simd>(
     simd: S,
-    planes: &[f32],
-    key_times: &[f32],
+    vertices: Vertices<'_>,
     groups: &Groups,
     frame: Option<&Frame>,
 ) -> Boxes8<S::F8> {
-    let last = key_times.len() - 1;
-    let start = ranges(simd, planes, groups, 0, frame);
-    if last == 0 {
+    let start = ranges(simd, vertices, groups, 0, frame);
+    // Known when this is compiled, so that nothing is computed twice.
+    if !vertices.moving {
         return Boxes8 { start, end: start };
     }
-    let end = ranges(simd, planes, groups, last, frame);
+    let key_times = vertices.key_times;
+    let last = key_times.len() - 1;
+    let end = ranges(simd, vertices, groups, last, frame);
     let found = Boxes8 { start, end };
-    if last == 1 {
+    if last < 2 {
         return found;
     }
     let mut raised = found.to_boxes();
     for (k, &time) in key_times.iter().enumerate().take(last).skip(1) {
-        let (lo, hi) = ranges(simd, planes, groups, k, frame).to_vectors();
+        let (lo, hi) = ranges(simd, vertices, groups, k, frame).to_vectors();
         for (slot, b) in raised.iter_mut().enumerate() {
             b.raise(time, lo[slot], hi[slot]);
         }
@@ -91,18 +131,17 @@ pub fn boxes<S: Simd>(
 #[inline(always)]
 fn ranges<S: Simd>(
     simd: S,
-    planes: &[f32],
+    vertices: Vertices<'_>,
     groups: &Groups,
     k: usize,
     frame: Option<&Frame>,
 ) -> Ranges8<S::F8> {
-    let near = ranges_of_4(simd, planes, groups, 0, k, frame);
-    let far = if groups.more_than_4 {
-        ranges_of_4(simd, planes, groups, 1, k, frame)
+    let a = ranges_of_4(simd, vertices, groups, 0, k, frame);
+    let b = if groups.more_than_4 {
+        ranges_of_4(simd, vertices, groups, 1, k, frame)
     } else {
-        near
+        a
     };
-    let (a, b) = (near, far);
     let mut found = Ranges8 {
         lo: [
             simd.least_of_fours(a.0[0], b.0[0]),
@@ -132,48 +171,124 @@ type Columns<F> = ([F; 3], [F; 3]);
 #[inline(always)]
 fn ranges_of_4<S: Simd>(
     simd: S,
-    planes: &[f32],
+    vertices: Vertices<'_>,
     groups: &Groups,
     half: usize,
     k: usize,
     frame: Option<&Frame>,
 ) -> Columns<S::F16> {
     let (above, below) = (simd.all16(f32::INFINITY), simd.all16(f32::NEG_INFINITY));
-    let (mut lo, mut hi) = ([above; 3], [below; 3]);
-    for row in &groups.rows {
-        let (mut at, mut step) = ([0; 4], [0; 4]);
-        for i in 0..4 {
-            step[i] = groups.plane[4 * half + i];
-            at[i] = row[4 * half + i] + 3 * k * step[i];
-        }
-        let x = simd.rows(planes, at);
-        let y = simd.rows(planes, plus(at, step));
-        let z = simd.rows(planes, plus(plus(at, step), step));
-        for i in 0..2 {
-            let p = [x[i], y[i], z[i]];
-            let Some(frame) = frame else {
-                for axis in 0..3 {
-                    lo[axis] = p[axis].min(lo[axis]);
-                    hi[axis] = p[axis].max(hi[axis]);
-                }
-                continue;
-            };
-            let [x, y, z] = p;
-            let pad = (x.abs() + y.abs() + z.abs()) * simd.all16(ROTATION_PAD);
-            for axis in 0..3 {
-                let a: Vec3 = frame.axes[axis];
-                let q = x * simd.all16(a.x) + y * simd.all16(a.y) + z * simd.all16(a.z);
-                lo[axis] = (q - pad).min(lo[axis]);
-                hi[axis] = (q + pad).max(hi[axis]);
-            }
-        }
-    }
+    let mut found = ([above; 3], [below; 3]);
+    let rows = &groups.rows;
+    row(
+        simd,
+        vertices,
+        groups,
+        (&rows[0], half, k),
+        frame,
+        &mut found,
+    );
+    row(
+        simd,
+        vertices,
+        groups,
+        (&rows[1], half, k),
+        frame,
+        &mut found,
+    );
+    row(
+        simd,
+        vertices,
+        groups,
+        (&rows[2], half, k),
+        frame,
+        &mut found,
+    );
+    let (mut lo, mut hi) = found;
     let lanes = simd.mask16(groups.lanes[half]);
     for axis in 0..3 {
         lo[axis] = lo[axis].or(lanes, above);
         hi[axis] = hi[axis].or(lanes, below);
     }
     (lo, hi)
+}
+
+/// Takes in a row of vertices of 4 groups, given where rows begin, which half it is, and the key.
+#[inline(always)]
+fn row<S: Simd>(
+    simd: S,
+    vertices: Vertices<'_>,
+    groups: &Groups,
+    (rows, half, k): (&[usize; GROUPS], usize, usize),
+    frame: Option<&Frame>,
+    found: &mut Columns<S::F16>,
+) {
+    let first = 4 * half;
+    let at = [
+        rows[first],
+        rows[first + 1],
+        rows[first + 2],
+        rows[first + 3],
+    ];
+    let [x, y, z] = if vertices.one_grid {
+        let n = groups.plane[0];
+        let x = &vertices.planes[3 * k * n..];
+        let planes = [x, &x[n..], &x[2 * n..]];
+        if groups.pairs {
+            let at = [at[0], at[2]];
+            [
+                simd.long_rows(planes[0], at),
+                simd.long_rows(planes[1], at),
+                simd.long_rows(planes[2], at),
+            ]
+        } else {
+            [
+                simd.rows(planes[0], at),
+                simd.rows(planes[1], at),
+                simd.rows(planes[2], at),
+            ]
+        }
+    } else {
+        let p = &groups.plane;
+        let step = [p[first], p[first + 1], p[first + 2], p[first + 3]];
+        let mut at = at;
+        for i in 0..4 {
+            at[i] += 3 * k * step[i];
+        }
+        let y = plus(at, step);
+        [
+            simd.rows(vertices.planes, at),
+            simd.rows(vertices.planes, y),
+            simd.rows(vertices.planes, plus(y, step)),
+        ]
+    };
+    take_in(simd, [x[0], y[0], z[0]], frame, found);
+    take_in(simd, [x[1], y[1], z[1]], frame, found);
+}
+
+/// Takes in 16 vertices.
+#[inline(always)]
+fn take_in<S: Simd>(
+    simd: S,
+    p: [S::F16; 3],
+    frame: Option<&Frame>,
+    (lo, hi): &mut Columns<S::F16>,
+) {
+    let Some(frame) = frame else {
+        for axis in 0..3 {
+            lo[axis] = p[axis].min(lo[axis]);
+            hi[axis] = p[axis].max(hi[axis]);
+        }
+        return;
+    };
+    let [x, y, z] = p;
+    let pad = (x.abs() + y.abs() + z.abs()) * simd.all16(ROTATION_PAD);
+    for axis in 0..3 {
+        let a: Vec3 = frame.axes[axis];
+        let q = x * simd.all16(a.x) + y * simd.all16(a.y) + z * simd.all16(a.z);
+        lo[axis] = (q - pad).min(lo[axis]);
+        hi[axis] = (q + pad).max(hi[axis]);
+    }
 }
 
 #[inline(always)]

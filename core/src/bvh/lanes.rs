@@ -23,6 +23,19 @@ pub struct Boxes8<F> {
     pub end: Ranges8<F>,
 }
 
+/// 1 for each of so many lanes.
+static COUNTED: [[f32; 8]; 9] = {
+    let mut counted = [[0.0; 8]; 9];
+    let mut at = 0;
+    while at < 9 * 8 {
+        if at % 8 < at / 8 {
+            counted[at / 8][at % 8] = 1.0;
+        }
+        at += 1;
+    }
+    counted
+};
+
 impl<F: Float<8>> Ranges8<F> {
     /// The same bounds as numbers, by lane.
     #[inline(always)]
@@ -119,7 +132,7 @@ impl<F: Float<8>> Boxes8<F> {
 
     /// The sum of the areas of the first `count` boxes, each as [`LinearBox::mean_half_area`].
     #[inline(always)]
-    pub fn area<S: Simd<F8 = F>>(&self, simd: S, moving: bool, count: usize) -> f32 {
+    pub fn area<S: Simd<F8 = F>>(&self, simd: S, moving: bool, count: u8) -> f32 {
         let e = self.start.extents();
         let areas = if moving {
             // With the sum s of both ends' extents, the mean of x y is (x0 y0 + x1 y1 + sx sy) / 6.
@@ -129,7 +142,9 @@ impl<F: Float<8>> Boxes8<F> {
         } else {
             products(e)
         };
-        areas.to_array()[..count].iter().sum()
+        let counted = simd.from8(&COUNTED[usize::from(count.min(8))]);
+        let [a, b, c, d, e, f, g, h] = (areas * counted).to_array();
+        ((a + b) + (c + d)) + ((e + f) + (g + h))
     }
 }
 
