@@ -75,6 +75,14 @@ pub trait Simd: Copy + Debug {
     fn all16(self, x: f32) -> Self::F16;
     /// 16 lanes.
     fn from16(self, x: &[f32; 16]) -> Self::F16;
+    /// 16 whole numbers from 0 to 255: 8 lanes from each.
+    fn bytes16(self, low: &[u8; 8], high: &[u8; 8]) -> Self::F16;
+    /// 8 lanes of `low`, then 8 of `high`.
+    fn halves(self, low: f32, high: f32) -> Self::F16;
+    /// The first 8 lanes, and the last.
+    fn split(self, x: Self::F16) -> (Self::F8, Self::F8);
+    /// Bit `r` of element `c` is bit `c` of `rows[r]`.
+    fn columns(self, rows: &[u8; 16]) -> [u32; 8];
     /// `x - by` in f64, rounded once.
     fn less16(self, x: Self::F16, by: f64) -> Self::F16;
     /// The lanes whose bits are set.
@@ -102,7 +110,7 @@ pub trait Simd: Copy + Debug {
     /// `first + 2 stride`, in lanes that [`Simd::lane`] knows.
     ///
     /// # Panics
-    /// `plane` ends before the last of them, or `stride` is absurd.
+    /// `plane` ends less than 3 floats after the last of them, or `stride` is absurd.
     fn lattice(self, plane: &[f32], first: usize, stride: usize) -> Self::F16;
     /// Lane of vertex `column` of `row` of a [`Simd::lattice`].
     fn lane(self, column: usize, row: usize) -> usize;

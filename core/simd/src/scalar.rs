@@ -159,6 +159,30 @@ impl Simd for Scalar {
         Array(*x)
     }
     #[inline]
+    fn bytes16(self, low: &[u8; 8], high: &[u8; 8]) -> Array<16> {
+        Array(std::array::from_fn(|i| {
+            f32::from(if i < 8 { low[i] } else { high[i - 8] })
+        }))
+    }
+    #[inline]
+    fn halves(self, low: f32, high: f32) -> Array<16> {
+        Array(std::array::from_fn(|i| if i < 8 { low } else { high }))
+    }
+    #[inline]
+    fn split(self, x: Array<16>) -> (Array<8>, Array<8>) {
+        (
+            Array(std::array::from_fn(|i| x.0[i])),
+            Array(std::array::from_fn(|i| x.0[i + 8])),
+        )
+    }
+    #[inline]
+    fn columns(self, rows: &[u8; 16]) -> [u32; 8] {
+        std::array::from_fn(|c| {
+            let bit = |r: usize| u32::from(rows[r] >> c & 1) << r;
+            (0..16).map(bit).sum()
+        })
+    }
+    #[inline]
     fn less16(self, x: Array<16>, by: f64) -> Array<16> {
         Array(x.0.map(|x| (f64::from(x) - by) as f32))
     }

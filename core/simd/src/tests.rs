@@ -51,6 +51,17 @@ impl Kernel for Everything {
         self.floats(s.from8(&a8), s.from8(&b8), &mut out);
         let bytes = std::array::from_fn(|i| (self.seed * 37 + i as u32 * 53) as u8);
         out.extend(s.bytes8(&bytes).to_array().map(f32::to_bits));
+        let other = bytes.map(|b: u8| b.wrapping_mul(91));
+        out.extend(s.bytes16(&bytes, &other).to_array().map(f32::to_bits));
+        out.extend(s.halves(a[0], a[1]).to_array().map(f32::to_bits));
+        let (low, high) = s.split(s.from16(&b));
+        out.extend(
+            [low, high]
+                .iter()
+                .flat_map(|x| x.to_array().map(f32::to_bits)),
+        );
+        let rows = std::array::from_fn(|i| (self.seed * 71 + i as u32 * 29) as u8);
+        out.extend(s.columns(&rows));
         out.extend(s.all8(a[3]).to_array().map(f32::to_bits));
         out.extend(s.all16(a[3]).to_array().map(f32::to_bits));
         for by in [0.0, 1.0 / 3.0, -1e9, 1e-40] {
@@ -196,6 +207,14 @@ impl Kernel for LastRow {
     fn run<S: Simd>(self, s: S) {
         s.rows(&[0.0; 20], [0, 16, 0, 0]);
     }
+}
+
+#[test]
+fn columns_turn_rows_over() {
+    let mut rows = [0u8; 16];
+    (rows[0], rows[5], rows[15]) = (0b0000_0001, 0b1000_0001, 0b0001_0000);
+    let expected = [1 | 1 << 5, 0, 0, 0, 1 << 15, 0, 0, 1 << 5];
+    assert_eq!(Scalar.columns(&rows), expected);
 }
 
 #[test]

@@ -388,6 +388,25 @@ fn bytes8(x: &[u8; 8]) -> F256 {
     })
 }
 
+/// As [`Simd::columns`] says: a shift brings bit `c` of each byte to its top.
+#[inline(always)]
+fn columns(rows: &[u8; 16]) -> [u32; 8] {
+    x86!({
+        let rows = _mm_loadu_si128(rows.as_ptr().cast());
+        let column = |x: __m128i| _mm_movemask_epi8(x).cast_unsigned();
+        [
+            column(_mm_slli_epi16::<7>(rows)),
+            column(_mm_slli_epi16::<6>(rows)),
+            column(_mm_slli_epi16::<5>(rows)),
+            column(_mm_slli_epi16::<4>(rows)),
+            column(_mm_slli_epi16::<3>(rows)),
+            column(_mm_slli_epi16::<2>(rows)),
+            column(_mm_slli_epi16::<1>(rows)),
+            column(rows),
+        ]
+    })
+}
+
 #[inline(always)]
 fn less8(x: F256, by: f64) -> F256 {
     x86!({
@@ -597,6 +616,22 @@ impl Simd for Avx2 {
         ))
     }
     #[inline(always)]
+    fn bytes16(self, low: &[u8; 8], high: &[u8; 8]) -> Pair {
+        Pair(bytes8(low), bytes8(high))
+    }
+    #[inline(always)]
+    fn halves(self, low: f32, high: f32) -> Pair {
+        Pair(all8(low), all8(high))
+    }
+    #[inline(always)]
+    fn split(self, x: Pair) -> (F256, F256) {
+        (x.0, x.1)
+    }
+    #[inline(always)]
+    fn columns(self, rows: &[u8; 16]) -> [u32; 8] {
+        columns(rows)
+    }
+    #[inline(always)]
     fn less16(self, x: Pair, by: f64) -> Pair {
         Pair(less8(x.0, by), less8(x.1, by))
     }
@@ -647,6 +682,9 @@ impl Simd for Avx2 {
     }
 }
 
+/// The 5 of each row of 8 that a lattice keeps, the third row being in the second vector.
+const KEPT: [i32; 16] = [0, 1, 2, 3, 4, 8, 9, 10, 11, 12, 16, 17, 18, 19, 20, 20];
+
 /// Lanes of a lattice in rows of 5 at the corners of triangles; see [`Simd::triangles`].
 const ROWS: [[i32; 16]; 3] = [
     [0, 1, 2, 3, 5, 6, 7, 8, 0, 1, 2, 3, 5, 6, 7, 8],
@@ -689,6 +727,34 @@ impl Simd for Avx512 {
         x86!(F512(_mm512_loadu_ps(x.as_ptr())))
     }
     #[inline(always)]
+    fn bytes16(self, low: &[u8; 8], high: &[u8; 8]) -> F512 {
+        x86!({
+            let low = _mm_loadl_epi64(low.as_ptr().cast());
+            let high = _mm_loadl_epi64(high.as_ptr().cast());
+            let bytes = _mm_unpacklo_epi64(low, high);
+            F512(_mm512_cvtepi32_ps(_mm512_cvtepu8_epi32(bytes)))
+        })
+    }
+    #[inline(always)]
+    fn halves(self, low: f32, high: f32) -> F512 {
+        x86!(F512(_mm512_mask_blend_ps(
+            0xff00,
+            _mm512_set1_ps(low),
+            _mm512_set1_ps(high)
+        )))
+    }
+    #[inline(always)]
+    fn split(self, x: F512) -> (F256, F256) {
+        x86!((
+            F256(_mm512_castps512_ps256(x.0)),
+            F256(_mm512_extractf32x8_ps::<1>(x.0))
+        ))
+    }
+    #[inline(always)]
+    fn columns(self, rows: &[u8; 16]) -> [u32; 8] {
+        columns(rows)
+    }
+    #[inline(always)]
     fn less16(self, x: F512, by: f64) -> F512 {
         x86!({
             let by = _mm512_set1_pd(by);
@@ -728,16 +794,17 @@ impl Simd for Avx512 {
     #[inline(always)]
     fn lattice(self, plane: &[f32], first: usize, stride: usize) -> F512 {
         assert!(stride < 1 << 16 && first < plane.len());
-        assert!(first + 2 * stride + 5 <= plane.len());
-        // Row by row: lanes 0 to 4, 5 to 9 and 10 to 14. Masked lanes are not read.
-        // SAFETY: AVX-512 is there; of each row, the 5 floats that the mask lets through are in `plane`.
+        assert!(first + 2 * stride + 8 <= plane.len());
+        // Rows of 8, of which 5 are kept: lanes 0 to 4, 5 to 9 and 10 to 14. Fewer of such loads lie
+        // across two lines of the cache than of wider ones.
+        // SAFETY: AVX-512 is there; the 8 floats of each row are in `plane`.
         unsafe {
-            let p = plane.as_ptr();
-            let v = _mm512_maskz_loadu_ps(0x001f, p.wrapping_add(first));
-            let row = p.wrapping_add(first + stride).wrapping_sub(5);
-            let v = _mm512_mask_loadu_ps(v, 0x03e0, row);
-            let row = p.wrapping_add(first + 2 * stride).wrapping_sub(10);
-            F512(_mm512_mask_loadu_ps(v, 0x7c00, row))
+            let p = plane.as_ptr().wrapping_add(first);
+            let near = _mm512_castps256_ps512(_mm256_loadu_ps(p));
+            let near = _mm512_insertf32x8::<1>(near, _mm256_loadu_ps(p.wrapping_add(stride)));
+            let far = _mm512_castps256_ps512(_mm256_loadu_ps(p.wrapping_add(2 * stride)));
+            let lanes = _mm512_loadu_si512(KEPT.as_ptr().cast());
+            F512(_mm512_permutex2var_ps(near, lanes, far))
         }
     }
     #[inline(always)]

@@ -12,8 +12,8 @@ use rayon::prelude::*;
 
 use super::{DicedMesh, Grid, GridChannel, MAX_GRID_RATE};
 
-/// Floats after the last plane: a row of 5 from any lattice row or the two after it stays inside.
-const PAD: usize = 2 * (MAX_GRID_RATE as usize + 1) + 5;
+/// Floats after the last plane: a row of 8 from any lattice row or the two after it stays inside.
+const PAD: usize = 2 * (MAX_GRID_RATE as usize + 1) + 8;
 
 /// One object's grids, ready to be traced. Fields that [`DicedMesh`] has too mean the same.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -11,15 +11,17 @@ use crate::film::filter::Filter;
 use crate::film::tile::{FirstHit, Keeps, PrimvarSample, Sample, Tile};
 use crate::sample::PixelSampler;
 use crate::shade::{ChannelAccess, camera_light_irradiance, camera_lit};
-use crate::trace::packet::LANES;
+use crate::trace::packet::PACKET;
 use crate::trace::{Hit, Ray, TraceCounts};
 
 /// Transparent layers composited along one ray; what lies behind is left out.
 pub const MAX_LAYERS: usize = 64;
 /// Transmittance below which what lies behind cannot be seen: less than half a step of 10 bits.
 const LEAST_TRANSMITTANCE: f32 = 1.0 / 2048.0;
-/// Side of the pixel block whose rays are traced together.
-const BLOCK: u32 = 4;
+/// Side of the pixel block whose rays are traced together, where each instant has few of them.
+const BLOCK: u32 = 8;
+/// The same where four samples of each pixel fill a packet.
+const SMALL_BLOCK: u32 = 4;
 
 /// What all tiles of a render share.
 pub(super) struct Integrator<'a> {
@@ -85,13 +87,18 @@ impl<'a> Integrator<'a> {
         counts: &mut TraceCounts,
     ) {
         let range = tile.samples..target;
+        let block = if range.len() >= 4 && !self.prepared.plan.has_time() {
+            SMALL_BLOCK
+        } else {
+            BLOCK
+        };
         let wants_primvars = self.keeps.primvars().is_some();
         let mut primvars = PrimvarSample::new(self.keeps);
         let (mut jobs, mut found) = (Vec::new(), Vec::new());
-        for by in (0..tile.height).step_by(BLOCK as usize) {
-            for bx in (0..tile.width).step_by(BLOCK as usize) {
-                let pixels: Vec<_> = (by..(by + BLOCK).min(tile.height))
-                    .flat_map(|y| (bx..(bx + BLOCK).min(tile.width)).map(move |x| (x, y)))
+        for by in (0..tile.height).step_by(block as usize) {
+            for bx in (0..tile.width).step_by(block as usize) {
+                let pixels: Vec<_> = (by..(by + block).min(tile.height))
+                    .flat_map(|y| (bx..(bx + block).min(tile.width)).map(move |x| (x, y)))
                     .map(|(x, y)| {
                         let pixel = [tile.x + x as i32, tile.y + y as i32];
                         // Pixels left of the image and above it have numbers of their own too.
@@ -142,9 +149,9 @@ impl<'a> Integrator<'a> {
         let Some((_, first)) = jobs.first() else {
             return;
         };
-        let (mut rays, mut hits) = ([first.ray; LANES], [Hit::MISS; LANES]);
-        let mut counts = [TraceCounts::default(); LANES];
-        for order in order.chunks(LANES) {
+        let (mut rays, mut hits) = ([first.ray; PACKET], [Hit::MISS; PACKET]);
+        let mut counts = [TraceCounts::default(); PACKET];
+        for order in order.chunks(PACKET) {
             let n = order.len();
             for (ray, &i) in rays.iter_mut().zip(order) {
                 *ray = jobs[i as usize].1.ray;

@@ -161,14 +161,8 @@ impl CellRay {
         let x = self.relative::<S, MOVING>(simd, &rows, kx) - z * simd.all16(self.slope[0]);
         let y = self.relative::<S, MOVING>(simd, &rows, ky) - z * simd.all16(self.slope[1]);
 
-        let ([ax, bx, cx], [ay, by, cy]) = (simd.triangles(x), simd.triangles(y));
-        let ab = ax * by - ay * bx;
-        let bc = bx * cy - by * cx;
-        let ca = cx * ay - cy * ax;
-        let zero = simd.all16(0.0);
-        let mixed = ab.min(bc).min(ca).lt(zero) & zero.lt(ab.max(bc).max(ca));
         let (w, h) = (usize::from(rect.w), usize::from(rect.h));
-        let mut candidates = !mixed.bits() & lane_mask(w, h);
+        let mut candidates = candidates(simd, x, y) & lane_mask(w, h);
         if candidates == 0 {
             return;
         }
@@ -202,6 +196,19 @@ impl CellRay {
             }
         }
     }
+}
+
+/// Triangles of a lattice of sheared vertices that the ray may hit, by [`Simd::triangles`]'s lanes: those whose
+/// rounded edge functions do not differ in sign.
+#[inline(always)]
+pub(super) fn candidates<S: Simd>(simd: S, x: S::F16, y: S::F16) -> u32 {
+    let ([ax, bx, cx], [ay, by, cy]) = (simd.triangles(x), simd.triangles(y));
+    let ab = ax * by - ay * bx;
+    let bc = bx * cy - by * cx;
+    let ca = cx * ay - cy * ax;
+    let zero = simd.all16(0.0);
+    let mixed = ab.min(bc).min(ca).lt(zero) & zero.lt(ab.max(bc).max(ca));
+    !mixed.bits()
 }
 
 /// The exact test of one triangle of sheared vertices, the first of its cell or the second.
@@ -239,7 +246,7 @@ fn seen([a, b, c]: [[f64; 3]; 3], dir_z: f64) -> Side {
 
 /// Bits of the lanes of a `w` by `h` group, for both triangles.
 #[inline(always)]
-fn lane_mask(w: usize, h: usize) -> u32 {
+pub(super) fn lane_mask(w: usize, h: usize) -> u32 {
     let row = (1u32 << w) - 1;
     let lanes = if h > 1 { row | row << 4 } else { row };
     lanes | lanes << LANES

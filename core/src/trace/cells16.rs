@@ -1,10 +1,10 @@
-//! Watertight tests of sixteen rays against one group of micropolygons: the test of [`super::cell`],
+//! Watertight tests of a vector of rays against one group of micropolygons: the test of [`super::cell`],
 //! with rays for lanes. The same operations in the same order on each ray, so the same hits.
 
 use hdtrapeze_simd::{Float, Mask, Simd};
 
 use super::cell::{CellHit, exact};
-use super::packet::{CellRays, LANES, Lanes, Rays};
+use super::packet::{CellRays, LANES, Lanes, PACKET, axes_with};
 use crate::bvh::block::CellRect;
 use crate::grid::PlanarMesh;
 
@@ -13,15 +13,14 @@ const VERTICES: usize = 15;
 /// Vertices in a row of a full group.
 const ROW: usize = 5;
 
-/// Tests the rays `lanes` against the cells `rect` of grid `g`, one group; calls `accept(lane, cell, hit)`
-/// for every triangle hit, in no useful order. The rays agree on `axes` and on the key.
+/// Tests the rays `lanes` of vector `v` against the cells `rect` of grid `g`, one group; calls
+/// `accept(lane, cell, hit)` for every triangle hit, in no useful order.
 #[inline(always)]
 #[allow(clippy::too_many_arguments)] // one call, inlined
 pub fn test_group16<S: Simd, const MOVING: bool>(
     simd: S,
-    rays: &Rays,
     cells: &CellRays,
-    (axes, key): ([usize; 3], usize),
+    v: usize,
     lanes: u32,
     mesh: &PlanarMesh,
     g: u32,
@@ -29,18 +28,21 @@ pub fn test_group16<S: Simd, const MOVING: bool>(
     mut accept: impl FnMut(usize, u32, CellHit),
 ) {
     let grid = &mesh.grids[g as usize];
+    let one = (LANES * v + lanes.trailing_zeros() as usize) & (PACKET - 1);
+    let axes = axes_with(cells.z_axis[one]);
     let stride = usize::from(grid.nu) + 1;
     let n = grid.vertex_count();
     let first = usize::from(rect.j) * stride + usize::from(rect.i);
     let (w, h) = (usize::from(rect.w).min(4), usize::from(rect.h).min(2));
     let zero = simd.all16(0.0);
-    let fraction = simd.from16(&cells.fraction);
-    let start = mesh.plane_start(grid, key) + first;
+    let fraction = simd.from16(&cells.fraction[v]);
+    let start = mesh.plane_start(grid, cells.key[one] as usize) + first;
 
     // Vertices relative to each ray's origin, at its time, sheared.
     let (mut x, mut y, mut z) = ([zero; VERTICES], [zero; VERTICES], [zero; VERTICES]);
-    for (to, axis) in [(&mut z, axes[2]), (&mut x, axes[0]), (&mut y, axes[1])] {
-        let origin = simd.from16(&rays.origin[axis]);
+    for (to, a) in [(&mut z, 2), (&mut x, 0), (&mut y, 1)] {
+        let axis = axes[a];
+        let origin = simd.from16(&cells.origin[a][v]);
         for r in 0..=h {
             let at = start + axis * n + r * stride;
             let p0 = &mesh.planes()[at..at + w + 1];
@@ -55,7 +57,10 @@ pub fn test_group16<S: Simd, const MOVING: bool>(
             }
         }
     }
-    let slope = [simd.from16(&cells.slope[0]), simd.from16(&cells.slope[1])];
+    let slope = [
+        simd.from16(&cells.slope[0][v]),
+        simd.from16(&cells.slope[1][v]),
+    ];
     for r in 0..=h {
         for at in r * ROW..r * ROW + w + 1 {
             x[at] = x[at] - z[at] * slope[0];
@@ -111,7 +116,8 @@ pub fn test_group16<S: Simd, const MOVING: bool>(
                         corner(&arrays, corners[1], lane),
                         corner(&arrays, corners[2], lane),
                     ];
-                    if let Some(hit) = exact(corners, second == 1, cells.dir_z(lane)) {
+                    if let Some(hit) = exact(corners, second == 1, f64::from(cells.dir_z[v][lane]))
+                    {
                         let row = usize::from(rect.j) + r;
                         let cell = row * usize::from(grid.nu) + usize::from(rect.i) + c;
                         accept(lane, cell as u32, hit);

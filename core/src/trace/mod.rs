@@ -8,15 +8,17 @@
 pub mod brute;
 pub mod cell;
 pub mod cells16;
+mod enter;
 pub mod instance;
 pub mod object_ray;
 pub mod packet;
+mod pairs;
 pub mod places;
 mod query;
 pub mod shading;
 pub mod sides;
 mod traverse;
-mod traverse16;
+mod traverse_packet;
 pub mod world;
 
 pub use instance::InstanceTransform;

@@ -11,10 +11,10 @@ use hdtrapeze_simd::{Kernel, Simd};
 
 use super::instance::{INSTANCE_PAD, NEAR_CONDITION};
 use super::object_ray::{ObjectRay, SLAB_PAD};
-use super::packet::{LANES, Packet, Rays};
+use super::packet::{LANES, PACKET, Packet, Rays, VECTORS, part, split};
 use super::sides::Side;
 use super::traverse::{Query, Stack, Target, slab_time, walk};
-use super::traverse16::{Queries, Stack16, walk16};
+use super::traverse_packet::{Queries, Room, walk_packet};
 use super::world::{Numbered, TopTree, World, clamp_time};
 use super::{Hit, Ray, TraceCounts};
 use crate::bvh::object::Blas;
@@ -24,7 +24,7 @@ thread_local! {
     /// The stack of this thread, kept between rays; taken while in use.
     static STACK: Cell<Stack> = const { Cell::new(Vec::new()) };
     /// The same for packets.
-    static STACKS: Cell<(Stack16, Stack)> = const { Cell::new((Vec::new(), Vec::new())) };
+    static ROOM: Cell<Option<Box<Room>>> = const { Cell::new(None) };
 }
 
 impl World {
@@ -83,8 +83,8 @@ impl World {
     /// [`World::trace`] for many rays, best near each other in space and time; each answer is the
     /// same as alone. Traces the first `min(rays.len(), hits.len())`.
     pub fn trace_many(&self, rays: &[Ray], hits: &mut [Hit], counts: &mut TraceCounts) {
-        let mut own = [TraceCounts::default(); LANES];
-        for (rays, hits) in rays.chunks(LANES).zip(hits.chunks_mut(LANES)) {
+        let mut own = [TraceCounts::default(); PACKET];
+        for (rays, hits) in rays.chunks(PACKET).zip(hits.chunks_mut(PACKET)) {
             let count = rays.len().min(hits.len());
             let own = &mut own[..count];
             own.fill(TraceCounts::default());
@@ -95,144 +95,138 @@ impl World {
         }
     }
 
-    /// [`World::trace_many`] for up to 16 rays, which tells what each of them cost.
+    /// [`World::trace_many`] for up to [`PACKET`] rays, which tells what each of them cost.
     ///
     /// # Panics
-    /// The slices have different lengths, or more than 16 elements.
+    /// The slices have different lengths, or more elements.
     pub fn trace_packet(&self, rays: &[Ray], hits: &mut [Hit], counts: &mut [TraceCounts]) {
-        assert!(rays.len() <= LANES && rays.len() == hits.len() && rays.len() == counts.len());
+        assert!(rays.len() <= PACKET && rays.len() == hits.len() && rays.len() == counts.len());
         let level = self.level;
-        STACKS.with(|cell| {
-            let mut stacks = cell.take();
-            level.run(Sixteen {
+        ROOM.with(|cell| {
+            let mut room = cell.take().unwrap_or_default();
+            level.run(Many {
                 world: self,
                 rays,
                 hits,
                 counts,
-                stacks: &mut stacks,
+                room: &mut room,
             });
-            cell.set(stacks);
+            cell.set(Some(room));
         });
     }
 
     #[inline(always)]
-    fn query16<S: Simd>(&self, simd: S, asked: Sixteen<'_>) {
-        let Sixteen {
+    fn query_packet<S: Simd>(&self, simd: S, asked: Many<'_>) {
+        let Many {
             rays,
             hits,
             counts,
-            stacks,
+            room,
             ..
         } = asked;
-        let mut queries = Queries {
-            best: [Hit::MISS; LANES],
-            t_min: [f32::INFINITY; LANES],
-            t_max: [f32::NEG_INFINITY; LANES],
-            nodes: [0.0; LANES],
-            cells: [0.0; LANES],
-        };
-        let mut packed = Rays::NONE;
+        let mut queries = Queries::NONE;
+        let mut packed = [Rays::NONE; VECTORS];
         let mut lanes = 0;
-        for (lane, ray) in rays.iter().enumerate() {
+        for (i, ray) in rays.iter().enumerate().take(PACKET) {
+            let (v, lane) = split(i);
             // Written so that NaN is left out.
             if ray.t_min <= ray.t_max && !ray.time.is_nan() {
-                lanes |= 1 << lane;
-                queries.best[lane].t = ray.t_max;
-                queries.t_min[lane] = ray.t_min;
-                queries.t_max[lane] = ray.t_max;
+                lanes |= 1 << i;
+                queries.best[i].t = ray.t_max;
+                queries.t_min[v][lane] = ray.t_min;
+                queries.t_max[v][lane] = ray.t_max;
             }
             for axis in 0..3 {
-                packed.origin[axis][lane] = ray.origin[axis];
-                packed.dir[axis][lane] = ray.dir[axis];
+                packed[v].origin[axis][lane] = ray.origin[axis];
+                packed[v].dir[axis][lane] = ray.dir[axis];
             }
-            packed.time[lane] = clamp_time(ray.time);
+            packed[v].time[lane] = clamp_time(ray.time);
         }
+        let packed = &packed[..rays.len().div_ceil(LANES)];
         match &self.top {
             TopTree::Static(tree) => {
-                self.top16::<S, _, false>(simd, tree, &packed, lanes, &mut queries, stacks);
+                self.top_packet::<S, _, false>(simd, tree, packed, lanes, &mut queries, room);
             }
             TopTree::Moving(tree) => {
-                self.top16::<S, _, true>(simd, tree, &packed, lanes, &mut queries, stacks);
+                self.top_packet::<S, _, true>(simd, tree, packed, lanes, &mut queries, room);
             }
         }
-        for (lane, (hit, counts)) in hits.iter_mut().zip(counts).enumerate() {
-            let best = &queries.best[lane];
+        for (i, (hit, counts)) in hits.iter_mut().zip(counts).enumerate().take(PACKET) {
+            let (v, lane) = split(i);
+            let best = &queries.best[i];
             *hit = if best.is_hit() { *best } else { Hit::MISS };
             *counts = TraceCounts {
                 rays: 1,
-                node_tests: queries.nodes[lane] as u64,
-                cell_tests: queries.cells[lane] as u64,
+                node_tests: queries.nodes[v][lane] as u64,
+                cell_tests: queries.cells[v][lane] as u64,
             };
         }
     }
 
     #[inline(always)]
-    fn top16<S: Simd, B: Bounds8, const MOVING: bool>(
+    fn top_packet<S: Simd, B: Bounds8, const MOVING: bool>(
         &self,
         simd: S,
         tree: &Tree<B>,
-        rays: &Rays,
-        lanes: u32,
+        rays: &[Rays],
+        lanes: u64,
         queries: &mut Queries,
-        (stack16, stack): &mut (Stack16, Stack),
+        room: &mut Room,
     ) {
-        stack16.clear();
-        stack.clear();
-        // The pads of `query_top`.
-        let mut pad = [0.0; LANES];
-        for (lane, pad) in pad.iter_mut().enumerate() {
-            *pad = self.pad(rays.origin_of(lane));
+        if tree.root & Tree::<B>::LEAF != 0 && tree.root != Tree::<B>::EMPTY {
+            // A single instance, which bounds rays itself.
+            let item = tree.root & !Tree::<B>::LEAF;
+            self.instance_packet(simd, item, rays, lanes, queries, room);
+            return;
         }
-        let pad = simd.from16(&pad);
-        let packet = Packet::new::<MOVING>(simd, rays, lanes, 0.0, Some(pad));
-        walk16(
+        // The pads of `query_top`.
+        let mut pads = [[0.0; LANES]; VECTORS];
+        for (pads, rays) in pads.iter_mut().zip(rays) {
+            for (lane, pad) in pads.iter_mut().enumerate() {
+                *pad = self.pad(rays.origin_of(lane));
+            }
+        }
+        let packet = Packet::new::<MOVING>(simd, rays, lanes, 0.0, Some(&pads));
+        walk_packet(
             simd,
             tree,
             &packet,
             queries,
-            stack16,
+            room,
             #[inline(always)]
-            |item, lanes, queries, stack16| {
-                let (Numbered { set, .. }, i) = self.find(item);
-                let local = set.to_object16(simd, i, rays, lanes, self.origin);
-                self.level.run(Inside16 {
-                    object: set.object(),
-                    instance: item,
-                    rays: &local,
-                    lanes,
-                    queries,
-                    stacks: (stack16, stack),
-                });
-            },
-            #[inline(always)]
-            |root, lanes, queries| {
-                let mut rest = lanes;
-                while rest != 0 {
-                    let lane = rest.trailing_zeros() as usize & (LANES - 1);
-                    rest &= rest - 1;
-                    let ray = Ray {
-                        origin: rays.origin_of(lane),
-                        dir: rays.dir_of(lane),
-                        time: rays.time[lane],
-                        t_min: 0.0,
-                        t_max: 0.0,
-                    };
-                    // The packets' own stack of single rays is the leaves' to use.
-                    let mut own = STACK.with(Cell::take);
-                    own.clear();
-                    queries.alone(
-                        lane,
-                        #[inline(always)]
-                        |query, counts| {
-                            self.query_top::<_, _, false>(
-                                simd, tree, root, &ray, query, &mut own, counts,
-                            );
-                        },
-                    );
-                    STACK.with(|cell| cell.set(own));
-                }
+            |item, lanes, queries, room| {
+                self.instance_packet(simd, item, rays, lanes, queries, room);
             },
         );
+    }
+
+    /// Traces the rays `lanes` through one instance.
+    #[inline(always)]
+    fn instance_packet<S: Simd>(
+        &self,
+        simd: S,
+        item: u32,
+        rays: &[Rays],
+        lanes: u64,
+        queries: &mut Queries,
+        room: &mut Room,
+    ) {
+        let (Numbered { set, .. }, i) = self.find(item);
+        let mut local = [Rays::NONE; VECTORS];
+        for (v, (local, rays)) in local.iter_mut().zip(rays).enumerate() {
+            let lanes = part(lanes, v);
+            if lanes != 0 {
+                *local = set.to_object16(simd, i, rays, lanes, self.origin);
+            }
+        }
+        self.level.run(InsideMany {
+            object: set.object(),
+            instance: item,
+            rays: &local[..rays.len().min(VECTORS)],
+            lanes,
+            queries,
+            room,
+        });
     }
 
     #[inline(always)]
@@ -342,20 +336,20 @@ struct One<'a, const CULL: bool> {
     counts: &'a mut TraceCounts,
 }
 
-/// Up to sixteen queries, for any instruction set.
-struct Sixteen<'a> {
+/// A packet of queries, for any instruction set.
+struct Many<'a> {
     world: &'a World,
     rays: &'a [Ray],
     hits: &'a mut [Hit],
     counts: &'a mut [TraceCounts],
-    stacks: &'a mut (Stack16, Stack),
+    room: &'a mut Room,
 }
 
-impl Kernel for Sixteen<'_> {
+impl Kernel for Many<'_> {
     type Output = ();
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
-        self.world.query16(simd, self);
+        self.world.query_packet(simd, self);
     }
 }
 
@@ -406,17 +400,17 @@ impl<const CULL: bool> Kernel for Inside<'_, CULL> {
     }
 }
 
-/// Sixteen rays in the space of an object.
-struct Inside16<'a> {
+/// A packet in the space of an object.
+struct InsideMany<'a> {
     object: &'a ObjectGeometry,
     instance: u32,
-    rays: &'a Rays,
-    lanes: u32,
+    rays: &'a [Rays],
+    lanes: u64,
     queries: &'a mut Queries,
-    stacks: (&'a mut Stack16, &'a mut Stack),
+    room: &'a mut Room,
 }
 
-impl Kernel for Inside16<'_> {
+impl Kernel for InsideMany<'_> {
     type Output = ();
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
@@ -426,16 +420,16 @@ impl Kernel for Inside16<'_> {
             rays,
             lanes,
             queries,
-            stacks: (stack16, stack),
+            room,
         } = self;
         match object.blas() {
             Blas::Static(blocks) => {
                 Target::new(simd, blocks, object, instance, None)
-                    .enter16(rays, lanes, queries, stack16, stack);
+                    .enter_packet(rays, lanes, queries, room);
             }
             Blas::Moving(blocks) => {
                 Target::new(simd, blocks, object, instance, None)
-                    .enter16(rays, lanes, queries, stack16, stack);
+                    .enter_packet(rays, lanes, queries, room);
             }
         }
     }

@@ -1,0 +1,174 @@
+//! Pairs of a ray and a group of micropolygons, tested one after the other without a branch between: the
+//! test of [`super::cell`], split into its two halves, so that the first halves of many pairs overlap.
+//!
+//! The first half finds the triangles that may be hit; what it found is kept, and settled by the exact test
+//! when all pairs at hand have been through. The same operations in the same order as for a ray
+//! alone, so the same hits.
+
+use hdtrapeze_simd::{Float, Simd};
+
+use super::cell::{CellHit, candidates, exact, lane_mask};
+use super::packet::{CellRays, LANES, Lanes, PACKET, axes_with, split};
+use crate::bvh::block::CellRect;
+use crate::grid::PlanarMesh;
+
+/// Pairs that are kept.
+const MOST: usize = 64;
+/// Rays that there is always room for.
+pub const ROOM: usize = 24;
+
+/// Where the group of a pair is.
+#[derive(Clone, Copy, Debug, Default)]
+struct Place {
+    grid: u32,
+    /// Micropolygons of the grid along u.
+    nu: u32,
+    /// The group's first micropolygon.
+    first: u32,
+}
+
+/// A pair whose triangles `found` may be hit.
+#[derive(Clone, Copy, Debug, Default)]
+struct Pair {
+    ray: u32,
+    found: u32,
+    place: Place,
+}
+
+/// Pairs that wait for their exact tests.
+#[derive(Clone, Debug)]
+pub struct Pairs {
+    count: usize,
+    pairs: [Pair; MOST],
+    /// Sheared vertices of each pair.
+    vertices: [[Lanes; 3]; MOST],
+}
+
+impl Default for Pairs {
+    fn default() -> Self {
+        Self {
+            count: 0,
+            pairs: [Pair::default(); MOST],
+            vertices: [[[0.0; LANES]; 3]; MOST],
+        }
+    }
+}
+
+impl Pairs {
+    /// True when there may be no room for the rays of another group.
+    #[inline(always)]
+    pub fn is_full(&self) -> bool {
+        self.count > MOST - ROOM
+    }
+
+    /// The first half for `rays`, one or more and at most [`ROOM`], which agree on axes and key, and the cells
+    /// `rect` of grid `g`, one group. [`Pairs::is_full`] is false.
+    #[inline(always)]
+    #[allow(clippy::too_many_arguments)] // one call, inlined
+    pub fn test<S: Simd, const MOVING: bool>(
+        &mut self,
+        simd: S,
+        cells: &CellRays,
+        rays: u64,
+        mesh: &PlanarMesh,
+        g: u32,
+        rect: CellRect,
+    ) {
+        let grid = &mesh.grids[g as usize];
+        let one = rays.trailing_zeros() as usize & (PACKET - 1);
+        let key = cells.key[one] as usize;
+        let axes = axes_with(cells.z_axis[one]);
+        let stride = usize::from(grid.nu) + 1;
+        let n = grid.vertex_count();
+        let first = usize::from(rect.j) * stride + usize::from(rect.i);
+        let start = mesh.plane_start(grid, key) + first;
+        let mask = lane_mask(usize::from(rect.w), usize::from(rect.h));
+        let place = Place {
+            grid: g,
+            nu: u32::from(grid.nu),
+            first: u32::from(rect.j) * u32::from(grid.nu) + u32::from(rect.i),
+        };
+        let zero = simd.all16(0.0);
+        let (mut p, mut step) = ([zero; 3], [zero; 3]);
+        for a in 0..3 {
+            let at = start + axes[a] * n;
+            p[a] = simd.lattice(mesh.planes(), at, stride);
+            if MOVING {
+                step[a] = simd.lattice(mesh.planes(), at + 3 * n, stride) - p[a];
+            }
+        }
+        let mut count = self.count;
+        let mut rest = rays;
+        while rest != 0 {
+            let ray = rest.trailing_zeros();
+            let (v, lane) = split(ray as usize);
+            rest &= rest - 1;
+            let mut corner = p;
+            for a in 0..3 {
+                if MOVING {
+                    corner[a] = p[a] + step[a] * simd.all16(cells.fraction[v][lane]);
+                }
+                corner[a] = corner[a] - simd.all16(cells.origin[a][v][lane]);
+            }
+            let z = corner[2];
+            let x = corner[0] - z * simd.all16(cells.slope[0][v][lane]);
+            let y = corner[1] - z * simd.all16(cells.slope[1][v][lane]);
+            let found = candidates(simd, x, y) & mask;
+            let at = count & (MOST - 1);
+            self.vertices[at] = [x.to_array(), y.to_array(), z.to_array()];
+            self.pairs[at] = Pair { ray, found, place };
+            count += usize::from(found != 0);
+        }
+        self.count = count;
+    }
+
+    /// The second half for all pairs that wait; calls `accept(ray, grid, cell, hit)` for every triangle
+    /// hit, in no useful order.
+    #[inline(always)]
+    pub fn settle<S: Simd>(
+        &mut self,
+        simd: S,
+        cells: &CellRays,
+        mut accept: impl FnMut(usize, u32, u32, CellHit),
+    ) {
+        let count = self.count.min(MOST);
+        for (pair, [x, y, z]) in self.pairs[..count].iter().zip(&self.vertices) {
+            let ray = pair.ray as usize;
+            let (v, lane) = split(ray);
+            let dir_z = f64::from(cells.dir_z[v][lane]);
+            let mut found = pair.found;
+            while found != 0 {
+                let bit = found.trailing_zeros() as usize;
+                found &= found - 1;
+                let second = bit >= 8;
+                let (r, c) = (bit >> 2 & 1, bit & 3);
+                let (a, diagonal) = (simd.lane(c, r), simd.lane(c + 1, r + 1));
+                let other = if second {
+                    simd.lane(c, r + 1)
+                } else {
+                    simd.lane(c + 1, r)
+                };
+                let (b, c3) = if second {
+                    (diagonal, other)
+                } else {
+                    (other, diagonal)
+                };
+                let corners = [a, b, c3].map(
+                    #[inline(always)]
+                    |i| {
+                        [
+                            f64::from(x[i & 15]),
+                            f64::from(y[i & 15]),
+                            f64::from(z[i & 15]),
+                        ]
+                    },
+                );
+                if let Some(hit) = exact(corners, second, dir_z) {
+                    let cell = pair.place.first + r as u32 * pair.place.nu + c as u32;
+                    accept(ray, pair.place.grid, cell, hit);
+                }
+            }
+        }
+        self.count = 0;
+    }
+}

@@ -1,0 +1,355 @@
+//! Traversal by packets: a node is fetched, decoded and sorted once for all rays, and what waits for what in
+//! one ray's test overlaps with another's.
+//!
+//! A packet goes where any of its rays goes, with those that do. Every ray meets the same
+//! micropolygons as alone, or more; hits are the same.
+
+use hdtrapeze_simd::{Float, Mask, Simd};
+
+use super::Hit;
+use super::cells16::test_group16;
+use super::enter::enter_packet;
+use super::packet::{All, CellRays, LANES, PACKET, Packet, Rays, VECTORS, part, split};
+use super::pairs::Pairs;
+use super::traverse::Target;
+use crate::bvh::block::{CellRect, loose};
+use crate::bvh::object::loose_group;
+use crate::bvh::{Bounds8, Tree};
+
+/// A group is tested by single rays when fewer than this many of a vector reach it, else by all of them at once.
+const DENSE: u32 = 6;
+
+/// A subtree that waits: where the first ray enters it, reference, and rays.
+#[derive(Clone, Copy, Debug)]
+struct Waiting {
+    near: f32,
+    at: u32,
+    rays: u64,
+}
+
+/// What a thread keeps between packets.
+#[derive(Debug, Default)]
+pub(super) struct Room {
+    /// Subtrees still to visit, farthest first.
+    waiting: Vec<Waiting>,
+    /// Pairs of rays and groups.
+    pairs: Pairs,
+}
+
+/// What the rays of a packet look for, and the best so far.
+pub(super) struct Queries {
+    /// The best hits; misses but for their `t`, which is `t_max`, before there are any.
+    pub best: [Hit; PACKET],
+    /// `t_min` of each.
+    pub t_min: All,
+    /// `best.t` of each.
+    pub t_max: All,
+    /// Nodes opened.
+    pub nodes: All,
+    /// Micropolygons tested.
+    pub cells: All,
+}
+
+impl Queries {
+    /// Rays that look for nothing.
+    pub const NONE: Queries = Queries {
+        best: [Hit::MISS; PACKET],
+        t_min: [[f32::INFINITY; LANES]; VECTORS],
+        t_max: [[f32::NEG_INFINITY; LANES]; VECTORS],
+        nodes: [[0.0; LANES]; VECTORS],
+        cells: [[0.0; LANES]; VECTORS],
+    };
+
+    #[inline(always)]
+    fn count_node<S: Simd>(&mut self, simd: S, rays: u64) {
+        add(simd, &mut self.nodes, rays, 1.0);
+    }
+
+    #[inline(always)]
+    fn count_cells<S: Simd>(&mut self, simd: S, rays: u64, rect: CellRect) {
+        let cells = f32::from(u16::from(rect.w) * u16::from(rect.h));
+        add(simd, &mut self.cells, rays, cells);
+    }
+
+    /// A hit of a ray.
+    #[inline(always)]
+    fn offer(&mut self, ray: usize, hit: Hit) {
+        let (v, lane) = split(ray);
+        let best = &mut self.best[ray & (PACKET - 1)];
+        // Written so that NaN is refused.
+        let in_range = hit.t >= self.t_min[v][lane] && hit.t <= best.t;
+        if in_range && hit.is_before(best) {
+            *best = hit;
+            self.t_max[v][lane] = hit.t;
+        }
+    }
+}
+
+/// Adds to the counts of `rays`.
+#[inline(always)]
+fn add<S: Simd>(simd: S, to: &mut All, rays: u64, more: f32) {
+    for (v, to) in to.iter_mut().enumerate() {
+        let lanes = part(rays, v);
+        if lanes != 0 {
+            let more = simd.all16(more).or(simd.mask16(lanes), simd.all16(0.0));
+            *to = (simd.from16(to) + more).to_array();
+        }
+    }
+}
+
+/// Walks a tree with a packet. `leaf(item, rays, queries, room)` is called for items that some rays may hit.
+#[inline(always)]
+pub(super) fn walk_packet<S: Simd, B: Bounds8>(
+    simd: S,
+    tree: &Tree<B>,
+    packet: &Packet<'_, S>,
+    queries: &mut Queries,
+    room: &mut Room,
+    mut leaf: impl FnMut(u32, u64, &mut Queries, &mut Room),
+) {
+    if tree.root == Tree::<B>::EMPTY || packet.sound == 0 {
+        return;
+    }
+    let floor = room.waiting.len();
+    let (mut at, mut rays) = (tree.root, packet.sound);
+    // The frame that rays were turned into last, and which of them: whole subtrees share one.
+    let (mut frame, mut ready, mut turned) = (0, 0, packet.slabs);
+    loop {
+        if at & Tree::<B>::LEAF != 0 {
+            leaf(at & !Tree::<B>::LEAF, rays, queries, room);
+        } else {
+            let node = &tree.nodes[at as usize];
+            queries.count_node(simd, rays);
+            let slabs = if node.frame == 0 {
+                &packet.slabs
+            } else {
+                if node.frame != frame || rays & !ready != 0 {
+                    (frame, ready) = (node.frame, rays);
+                    packet.turn(&tree.frames[frame as usize], rays, &mut turned);
+                }
+                &turned
+            };
+            let found = enter_packet(
+                simd,
+                &node.bounds,
+                node.valid,
+                slabs,
+                rays,
+                &queries.t_min,
+                &queries.t_max,
+            );
+            if found.children != 0 {
+                // The nearest child is next; the others wait, nearer ones on top.
+                let (slots, count) = found.by_distance();
+                for &slot in slots[1..count].iter().rev() {
+                    room.waiting.push(Waiting {
+                        near: found.near[slot],
+                        at: node.children[slot],
+                        rays: found.rays[slot],
+                    });
+                }
+                (at, rays) = (node.children[slots[0]], found.rays[slots[0]]);
+                continue;
+            }
+        }
+        // Next subtree that does not start behind the best hits.
+        loop {
+            if room.waiting.len() <= floor {
+                return;
+            }
+            let Some(next) = room.waiting.pop() else {
+                return;
+            };
+            let near = simd.all16(next.near);
+            let mut left = 0;
+            for (v, t_max) in queries.t_max.iter().enumerate() {
+                let reach = near.le(simd.from16(t_max)).bits();
+                left |= u64::from(reach) << (LANES * v);
+            }
+            left &= next.rays;
+            if left != 0 {
+                (at, rays) = (next.at, left);
+                break;
+            }
+        }
+    }
+}
+
+impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
+    /// Traces the rays `lanes`, given in the object's space.
+    #[inline(always)]
+    pub fn enter_packet(&self, rays: &[Rays], lanes: u64, queries: &mut Queries, room: &mut Room) {
+        let packet = if B::MOVING {
+            Packet::new::<true>(self.simd, rays, lanes, self.radius, None)
+        } else {
+            Packet::new::<false>(self.simd, rays, lanes, self.radius, None)
+        };
+        if packet.sound == 0 {
+            return;
+        }
+        let cells = CellRays::new(&packet, &self.mesh.key_times);
+        walk_packet(
+            self.simd,
+            &self.blocks.tree,
+            &packet,
+            queries,
+            room,
+            #[inline(always)]
+            |item, rays, queries, room| {
+                self.item_packet(item, rays, &packet, &cells, &mut room.pairs, queries);
+            },
+        );
+    }
+
+    /// Tests one item of the tree: a loose group or a block.
+    #[inline(always)]
+    fn item_packet(
+        &self,
+        item: u32,
+        rays: u64,
+        packet: &Packet<'_, S>,
+        cells: &CellRays,
+        pairs: &mut Pairs,
+        queries: &mut Queries,
+    ) {
+        if let Some((grid, slot)) = loose_group(item) {
+            let rect = loose(&self.mesh.grids[grid as usize], slot);
+            self.group_packet(grid, rect, rays, cells, pairs, queries);
+        } else {
+            let block = &self.blocks.blocks[item as usize];
+            queries.count_node(self.simd, rays);
+            let mut turned;
+            let slabs = if block.frame == 0 {
+                &packet.slabs
+            } else {
+                turned = packet.slabs;
+                let frame = &self.blocks.tree.frames[block.frame as usize];
+                packet.turn(frame, rays, &mut turned);
+                &turned
+            };
+            let valid = (1u32 << block.span.count) - 1;
+            let found = enter_packet(
+                self.simd,
+                &block.bounds,
+                valid,
+                slabs,
+                rays,
+                &queries.t_min,
+                &queries.t_max,
+            );
+            let mut children = found.children;
+            while children != 0 {
+                let slot = children.trailing_zeros() & 7;
+                children &= children - 1;
+                let rays = found.rays[slot as usize];
+                let rect = block.span.group_rect(slot);
+                self.group_packet(block.span.grid, rect, rays, cells, pairs, queries);
+            }
+        }
+        self.settle(cells, pairs, queries);
+    }
+
+    /// Exact tests of the pairs that wait.
+    #[inline(always)]
+    fn settle(&self, cells: &CellRays, pairs: &mut Pairs, queries: &mut Queries) {
+        let instance = self.instance;
+        pairs.settle(
+            self.simd,
+            cells,
+            #[inline(always)]
+            |ray, grid, cell, hit| queries.offer(ray, hit.of(instance, grid, cell)),
+        );
+    }
+
+    /// Tests one group of micropolygons; the exact tests may wait.
+    #[inline(always)]
+    fn group_packet(
+        &self,
+        grid: u32,
+        rect: CellRect,
+        mut rays: u64,
+        cells: &CellRays,
+        pairs: &mut Pairs,
+        queries: &mut Queries,
+    ) {
+        queries.count_cells(self.simd, rays, rect);
+        if cells.agree {
+            for v in 0..VECTORS {
+                let lanes = part(rays, v);
+                if lanes.count_ones() >= DENSE {
+                    rays &= !(0xffff << (LANES * v));
+                    self.dense(grid, rect, v, lanes, cells, queries);
+                }
+            }
+            if rays != 0 {
+                self.pairs(grid, rect, rays, cells, pairs, queries);
+            }
+        } else {
+            while rays != 0 {
+                let ray = rays & rays.wrapping_neg();
+                rays &= rays - 1;
+                self.pairs(grid, rect, ray, cells, pairs, queries);
+            }
+        }
+    }
+
+    /// Tests one group by all lanes of a vector.
+    #[inline(always)]
+    fn dense(
+        &self,
+        grid: u32,
+        rect: CellRect,
+        v: usize,
+        lanes: u32,
+        cells: &CellRays,
+        queries: &mut Queries,
+    ) {
+        let (simd, mesh, instance) = (self.simd, self.mesh, self.instance);
+        if B::MOVING {
+            test_group16::<S, true>(
+                simd,
+                cells,
+                v,
+                lanes,
+                mesh,
+                grid,
+                rect,
+                #[inline(always)]
+                |lane, cell, hit| queries.offer(LANES * v + lane, hit.of(instance, grid, cell)),
+            );
+        } else {
+            test_group16::<S, false>(
+                simd,
+                cells,
+                v,
+                lanes,
+                mesh,
+                grid,
+                rect,
+                #[inline(always)]
+                |lane, cell, hit| queries.offer(LANES * v + lane, hit.of(instance, grid, cell)),
+            );
+        }
+    }
+
+    /// Tests one group by one ray after the other, which agree on axes and key.
+    #[inline(always)]
+    fn pairs(
+        &self,
+        grid: u32,
+        rect: CellRect,
+        rays: u64,
+        cells: &CellRays,
+        pairs: &mut Pairs,
+        queries: &mut Queries,
+    ) {
+        if pairs.is_full() {
+            self.settle(cells, pairs, queries);
+        }
+        if B::MOVING {
+            pairs.test::<S, true>(self.simd, cells, rays, self.mesh, grid, rect);
+        } else {
+            pairs.test::<S, false>(self.simd, cells, rays, self.mesh, grid, rect);
+        }
+    }
+}
