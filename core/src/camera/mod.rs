@@ -184,13 +184,30 @@ impl Camera {
     /// The ray through raster position `raster` (pixels) and lens point `lens` (in units of the
     /// lens' radius) at `time`. World space relative to [`Camera::origin`]; `t` is depth.
     pub fn ray(&self, raster: Vec2, lens: Vec2, time: f32) -> Ray {
+        self.ray_through::<true>(raster, lens, time)
+    }
+
+    /// [`Camera::ray`] through the middle of the lens, for cameras that have none.
+    pub fn pinhole_ray(&self, raster: Vec2, time: f32) -> Ray {
+        self.ray_through::<false>(raster, Vec2::ZERO, time)
+    }
+
+    #[inline]
+    fn ray_through<const LENS: bool>(&self, raster: Vec2, lens: Vec2, time: f32) -> Ray {
         let now = self.lens(time);
         let at = now.window.point(raster / self.size());
-        let lens = lens * now.radius;
-        // The ray goes from the lens through the point in focus; both relative to the axis.
-        let (from, dir) = match self.projection {
-            Projection::Perspective => (lens, at - lens / now.focus_distance),
-            Projection::Orthographic => (at + lens, -lens / now.focus_distance),
+        let (from, dir) = if LENS {
+            let lens = lens * now.radius;
+            // The ray goes from the lens through the point in focus; both relative to the axis.
+            match self.projection {
+                Projection::Perspective => (lens, at - lens / now.focus_distance),
+                Projection::Orthographic => (at + lens, -lens / now.focus_distance),
+            }
+        } else {
+            match self.projection {
+                Projection::Perspective => (Vec2::ZERO, at),
+                Projection::Orthographic => (at, Vec2::ZERO),
+            }
         };
         let (from, dir) = (from.extend(0.0), dir.extend(-1.0));
         let mut range = self.clipping;

@@ -3,6 +3,8 @@
 //! Rays are traced in packets from one small pixel block, near each other in time. Transparent surfaces
 //! are composited front to back by asking for the next hit after the last, up to [`MAX_LAYERS`].
 
+use std::ops::Range;
+
 use glam::{Vec2, Vec3};
 
 use super::prepared::Prepared;
@@ -87,7 +89,8 @@ impl<'a> Integrator<'a> {
         counts: &mut TraceCounts,
     ) {
         let range = tile.samples..target;
-        let block = if range.len() >= 4 && !self.prepared.plan.has_time() {
+        let plan = &self.prepared.plan;
+        let size = if range.len() >= 4 && !plan.has_time() {
             SMALL_BLOCK
         } else {
             BLOCK
@@ -95,22 +98,20 @@ impl<'a> Integrator<'a> {
         let wants_primvars = self.keeps.primvars().is_some();
         let mut primvars = PrimvarSample::new(self.keeps);
         let (mut jobs, mut found) = (Vec::new(), Vec::new());
-        for by in (0..tile.height).step_by(block as usize) {
-            for bx in (0..tile.width).step_by(block as usize) {
-                let pixels: Vec<_> = (by..(by + block).min(tile.height))
-                    .flat_map(|y| (bx..(bx + block).min(tile.width)).map(move |x| (x, y)))
-                    .map(|(x, y)| {
-                        let pixel = [tile.x + x as i32, tile.y + y as i32];
-                        // Pixels left of the image and above it have numbers of their own too.
-                        let pattern = self.sampler.pixel(pixel.map(i32::cast_unsigned));
-                        ((y * tile.width + x) as usize, pixel, pattern)
-                    })
-                    .collect();
+        for y in (0..tile.height).step_by(size as usize) {
+            for x in (0..tile.width).step_by(size as usize) {
+                let block = [
+                    x,
+                    y,
+                    (x + size).min(tile.width),
+                    (y + size).min(tile.height),
+                ];
                 jobs.clear();
-                for index in range.clone() {
-                    for (slot, pixel, pattern) in &pixels {
-                        jobs.push((*slot, self.generate(*pixel, pattern.sample(index))));
-                    }
+                match (plan.has_lens(), plan.has_time()) {
+                    (false, false) => self.draw::<false, false>(tile, block, &range, &mut jobs),
+                    (true, false) => self.draw::<true, false>(tile, block, &range, &mut jobs),
+                    (false, true) => self.draw::<false, true>(tile, block, &range, &mut jobs),
+                    (true, true) => self.draw::<true, true>(tile, block, &range, &mut jobs),
                 }
                 self.trace::<CULL>(&jobs, &mut found);
                 // In the order of samples: sums have the same bits whatever was traced together.
@@ -126,6 +127,33 @@ impl<'a> Integrator<'a> {
             }
         }
         tile.samples = target;
+    }
+
+    /// Draws the samples `range` of the pixels `[x0, y0, x1, y1]` of `tile`, sample by sample: their slots, and
+    /// rays. What is not drawn takes no time.
+    fn draw<const LENS: bool, const TIME: bool>(
+        &self,
+        tile: &Tile,
+        [x0, y0, x1, y1]: [u32; 4],
+        range: &Range<u32>,
+        jobs: &mut Vec<(usize, Job)>,
+    ) {
+        let pixels: Vec<_> = (y0..y1)
+            .flat_map(|y| (x0..x1).map(move |x| (x, y)))
+            .map(|(x, y)| {
+                let pixel = [tile.x + x as i32, tile.y + y as i32];
+                // Pixels left of the image and above it have numbers of their own too.
+                let number = pixel.map(i32::cast_unsigned);
+                let pattern = self.sampler.pixel_of::<LENS, TIME>(number);
+                ((y * tile.width + x) as usize, pixel, pattern)
+            })
+            .collect();
+        for index in range.clone() {
+            for (slot, pixel, pattern) in &pixels {
+                let drawn = pattern.sample_of::<LENS, TIME>(index);
+                jobs.push((*slot, self.generate::<LENS, TIME>(*pixel, drawn)));
+            }
+        }
     }
 
     /// Traces the jobs of a pixel block, those of nearly one instant together; `found` gets what each
@@ -164,23 +192,25 @@ impl<'a> Integrator<'a> {
     }
 
     /// The ray of a sample whose pixel, lens and time were drawn jointly.
-    fn generate(&self, pixel: [i32; 2], drawn: [f32; 5]) -> Job {
-        let plan = &self.prepared.plan;
-        let settings = &self.prepared.settings;
+    fn generate<const LENS: bool, const TIME: bool>(
+        &self,
+        pixel: [i32; 2],
+        drawn: [f32; 5],
+    ) -> Job {
+        let camera = &self.prepared.camera;
         let [x, y, u, v, time] = drawn;
         let (offset, weight) = self.filter.sample(x, y);
         let centre = Vec2::new(pixel[0] as f32 + 0.5, pixel[1] as f32 + 0.5);
-        let lens = match settings.lens_point {
-            _ if !plan.has_lens() => Vec2::ZERO,
-            Some([u, v]) => Vec2::new(u, v),
-            None => self.prepared.camera.lens_point(u, v),
-        };
-        let time = if plan.has_time() {
-            self.times.at(time)
+        let time = if TIME { self.times.at(time) } else { 0.0 };
+        let ray = if LENS {
+            let lens = match self.prepared.settings.lens_point {
+                Some([u, v]) => Vec2::new(u, v),
+                None => camera.lens_point(u, v),
+            };
+            camera.ray(centre + offset, lens, time)
         } else {
-            0.0
+            camera.pinhole_ray(centre + offset, time)
         };
-        let ray = self.prepared.camera.ray(centre + offset, lens, time);
         Job {
             ray,
             weight,

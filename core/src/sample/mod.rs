@@ -135,12 +135,20 @@ impl PixelSampler {
     /// The pattern of one pixel. Making it costs about as much as a few samples: keep it for all samples of the
     /// pixel.
     pub fn pixel(&self, pixel: [u32; 2]) -> PixelPattern<'_> {
+        self.pixel_of::<true, true>(pixel)
+    }
+
+    /// [`Self::pixel`], for [`PixelPattern::sample_of`] with the same parameters.
+    pub fn pixel_of<const LENS: bool, const TIME: bool>(
+        &self,
+        pixel: [u32; 2],
+    ) -> PixelPattern<'_> {
         let place = u64::from(pixel[1]) << 32 | u64::from(pixel[0]);
         let seed = mix64(self.seed ^ mix64(place.wrapping_add(STEP)));
         PixelPattern {
             sampler: self,
             seed,
-            scrambles: self.scrambles(seed, 0),
+            scrambles: self.scrambles::<LENS, TIME>(seed, 0),
         }
     }
 
@@ -150,10 +158,17 @@ impl PixelSampler {
     }
 
     /// Scrambles of the `epoch`th point set of a pixel.
-    fn scrambles(&self, pixel_seed: u64, epoch: u32) -> [Scramble; DIMS] {
+    fn scrambles<const LENS: bool, const TIME: bool>(
+        &self,
+        pixel_seed: u64,
+        epoch: u32,
+    ) -> [Scramble; DIMS] {
         let mut state = pixel_seed ^ mix64(u64::from(epoch).wrapping_mul(STEP));
-        std::array::from_fn(|_| {
+        std::array::from_fn(|d| {
             state = state.wrapping_add(STEP);
+            if !is_drawn::<LENS, TIME>(d) {
+                return Scramble::default();
+            }
             let random = mix64(state);
             let factors = match self.kind {
                 PatternKind::Sobol => DigitFactors::default(),
@@ -173,8 +188,18 @@ fn xor(a: &mut [u32; DIMS], b: &[u32; DIMS]) {
     }
 }
 
+/// True for the dimensions that are drawn: the pixel's always, the lens' and the time's where they are asked for.
+#[inline(always)]
+const fn is_drawn<const LENS: bool, const TIME: bool>(dimension: usize) -> bool {
+    match dimension {
+        0 | 1 => true,
+        2 | 3 => LENS,
+        _ => TIME,
+    }
+}
+
 /// How one dimension of one pixel is scrambled.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Scramble {
     seed: u32,
     /// Net only.
@@ -196,12 +221,20 @@ impl PixelPattern<'_> {
     ///
     /// Every index is valid: past the count of a net, another net with its own scramble begins.
     pub fn sample(&self, index: u32) -> [f32; DIMS] {
+        self.sample_of::<true, true>(index)
+    }
+
+    /// [`Self::sample`], with `u` and `v` only for a `LENS` and `time` only with `TIME`; 0 in their place. What is
+    /// drawn has the same bits.
+    #[inline]
+    pub fn sample_of<const LENS: bool, const TIME: bool>(&self, index: u32) -> [f32; DIMS] {
         let (epoch, index) = self.split(index);
         let word = self.word(index);
         if epoch == 0 {
-            self.finish(&word, &self.scrambles)
+            self.finish::<LENS, TIME>(&word, &self.scrambles)
         } else {
-            self.finish(&word, &self.sampler.scrambles(self.seed, epoch))
+            let scrambles = self.sampler.scrambles::<LENS, TIME>(self.seed, epoch);
+            self.finish::<LENS, TIME>(&word, &scrambles)
         }
     }
 
@@ -213,18 +246,18 @@ impl PixelPattern<'_> {
         let mut scrambles = if epoch == 0 {
             self.scrambles
         } else {
-            self.sampler.scrambles(self.seed, epoch)
+            self.sampler.scrambles::<true, true>(self.seed, epoch)
         };
         let last_step = self.sampler.steps.len() - 1;
         for sample in out {
-            *sample = self.finish(&word, &scrambles);
+            *sample = self.finish::<true, true>(&word, &scrambles);
             let step = (index.trailing_ones() as usize).min(last_step);
             xor(&mut word, &self.sampler.steps[step]);
             index = index.wrapping_add(1);
             if self.sampler.index_bits < 32 && index >> self.sampler.index_bits != 0 {
                 index = 0;
                 epoch = (epoch + 1) & (u32::MAX >> self.sampler.index_bits);
-                scrambles = self.sampler.scrambles(self.seed, epoch);
+                scrambles = self.sampler.scrambles::<true, true>(self.seed, epoch);
             }
         }
     }
@@ -255,15 +288,21 @@ impl PixelPattern<'_> {
     }
 
     #[inline]
-    fn finish(&self, word: &[u32; DIMS], scrambles: &[Scramble; DIMS]) -> [f32; DIMS] {
-        match self.sampler.kind {
-            PatternKind::Sobol => {
-                std::array::from_fn(|d| unit(scramble_reversed(word[d], scrambles[d].seed)))
+    fn finish<const LENS: bool, const TIME: bool>(
+        &self,
+        word: &[u32; DIMS],
+        scrambles: &[Scramble; DIMS],
+    ) -> [f32; DIMS] {
+        let is_net = self.sampler.kind == PatternKind::Net;
+        std::array::from_fn(|d| {
+            if !is_drawn::<LENS, TIME>(d) {
+                return 0.0;
             }
-            PatternKind::Net => std::array::from_fn(|d| {
-                let digits = scrambles[d].factors.apply(word[d]);
-                unit(scramble_reversed(digits, scrambles[d].seed))
-            }),
-        }
+            let digits = match is_net {
+                true => scrambles[d].factors.apply(word[d]),
+                false => word[d],
+            };
+            unit(scramble_reversed(digits, scrambles[d].seed))
+        })
     }
 }
