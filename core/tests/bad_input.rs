@@ -7,6 +7,7 @@ mod trace_scenes;
 use glam::{DVec3, Vec3};
 use hdtrapeze_core::bvh::ObjectGeometry;
 use hdtrapeze_core::grid::DicedMesh;
+use hdtrapeze_core::trace::packet::PACKET;
 use hdtrapeze_core::trace::{Hit, InstanceTransform, Ray, TraceCounts, World, brute};
 use hdtrapeze_simd::Level;
 use trace_scenes::*;
@@ -26,14 +27,17 @@ fn answers(world: &World, rays: &[Ray]) -> Vec<Hit> {
             assert_eq!(many[i], *want, "of many {}", told());
             let any = world.occluded(ray, &mut none.clone());
             assert_eq!(any, want.is_hit(), "any {}", told());
-            // Fifteen copies of another ray, and this.
-            let mut packet = [rays[0]; 16];
-            packet[i % 16] = *ray;
-            let mut hits = [Hit::MISS; 16];
-            world.trace_packet(&packet, &mut hits, &mut [none; 16]);
-            for (lane, hit) in hits.iter().enumerate() {
-                let want = if lane == i % 16 { want } else { &expected[0] };
-                assert_eq!(hit, want, "lane {lane} {}", told());
+            // Among copies of another ray: in one packet of sixteen, and in some full ones.
+            for size in if i % 8 == 1 { &[16, PACKET][..] } else { &[16] } {
+                let size = *size;
+                let mut packet = vec![rays[0]; size];
+                packet[i % size] = *ray;
+                let mut hits = vec![Hit::MISS; size];
+                world.trace_packet(&packet, &mut hits, &mut vec![none; size]);
+                for (lane, hit) in hits.iter().enumerate() {
+                    let want = if lane == i % size { want } else { &expected[0] };
+                    assert_eq!(hit, want, "lane {lane} {}", told());
+                }
             }
         }
     }
