@@ -176,25 +176,30 @@ pub fn loose(grid: &Grid, slot: u32) -> CellRect {
 
 /// Cuts a grid into as few blocks as the shapes 8x8, 4x16 and 16x4 allow, evenly.
 pub fn cut(number: u32, grid: &Grid) -> impl Iterator<Item = Span> + use<> {
-    let (nu, nv) = (usize::from(grid.nu), usize::from(grid.nv));
-    let count = |(w, h): (usize, usize)| nu.div_ceil(w) * nv.div_ceil(h);
-    let shape = [(8, 8), (4, 16), (16, 4)]
+    let [nu, nv] = [grid.nu as u8, grid.nv as u8];
+    // Divisors that are known here: this runs for every grid.
+    let blocks = [
+        [nu.div_ceil(8), nv.div_ceil(8)],
+        [nu.div_ceil(4), nv.div_ceil(16)],
+        [nu.div_ceil(16), nv.div_ceil(4)],
+    ];
+    let [columns, rows] = blocks
         .into_iter()
-        .min_by_key(|&s| count(s))
-        .unwrap_or((8, 8));
-    let (columns, rows) = (nu.div_ceil(shape.0), nv.div_ceil(shape.1));
-    (0..rows).flat_map(move |row| {
+        .min_by_key(|&[columns, rows]| columns * rows)
+        .unwrap_or(blocks[0]);
+    let (mut column, mut row) = (0, 0);
+    std::iter::from_fn(move || {
+        if row == rows {
+            return None;
+        }
+        let (i, i1) = (column * nu / columns, (column + 1) * nu / columns);
         let (j, j1) = (row * nv / rows, (row + 1) * nv / rows);
-        (0..columns).map(move |column| {
-            let (i, i1) = (column * nu / columns, (column + 1) * nu / columns);
-            let rect = CellRect {
-                i: i as u8,
-                j: j as u8,
-                w: (i1 - i) as u8,
-                h: (j1 - j) as u8,
-            };
-            Span::new(number, rect)
-        })
+        column += 1;
+        if column == columns {
+            (column, row) = (0, row + 1);
+        }
+        let (w, h) = (i1 - i, j1 - j);
+        Some(Span::new(number, CellRect { i, j, w, h }))
     })
 }
 

@@ -1,6 +1,6 @@
 //! The tree over blocks and loose groups (or instances): a parallel top-down build of 8-wide nodes by binned SAH.
 //!
-//! Each range of items is split in two at the cheapest of 16 bins on each axis, by
+//! Each range of items is split in two at the cheapest of 16 bins (8 for few items) on each axis, by
 //! `area(left) n(left) + area(right) n(right)` with areas averaged over the shutter (Wald, "On Fast
 //! Construction of SAH-based Bounding Volume Hierarchies", RT 2007); the child of largest area is
 //! split again until a node has 8 children. Where no bin separates the items (all centres equal), or
@@ -20,7 +20,7 @@ use super::block::GROUPS;
 use super::node::pack;
 use super::orient::{MOST_ITEMS, Strands};
 use super::sorted::{Hull, Sorted};
-use super::split::split;
+use super::split::{Extent, split};
 use super::{Bounds8, Frame, LinearBox, Node};
 
 /// Ranges larger than this are split, and their children built, in parallel.
@@ -115,7 +115,7 @@ pub fn build_sorted<B: Bounds8>(
         [item] => tree.root = Tree::<B>::LEAF | item.id,
         items => {
             tree.nodes.reserve(items.len() / 4 + 1);
-            tree.root = build_node(&mut tree, items, below);
+            tree.root = build_node(&mut tree, items, None, below);
         }
     }
     tree.nodes.shrink_to_fit();
@@ -138,36 +138,34 @@ struct Below<'a> {
 /// A range of items that becomes a child.
 struct Range<'a, H> {
     items: &'a mut [Sorted<H>],
-    bounds: H,
+    extent: Extent<H>,
     area: f32,
 }
 
 impl<'a, H: Hull> Range<'a, H> {
-    fn new(items: &'a mut [Sorted<H>]) -> Self {
-        let bounds = if items.len() > PARALLEL_ITEMS {
-            items
-                .par_chunks(PARALLEL_ITEMS)
-                .map(bounds_of)
-                .reduce(|| H::EMPTY, |a, b| a.union(&b))
-        } else {
-            bounds_of(items)
-        };
+    fn new(items: &'a mut [Sorted<H>], extent: Extent<H>) -> Self {
         Self {
             items,
-            bounds,
-            area: bounds.area(),
+            extent,
+            area: extent.bounds.area(),
         }
+    }
+
+    /// Each item by itself.
+    fn singles(items: &'a mut [Sorted<H>]) -> impl Iterator<Item = Self> {
+        let of = |item: &'a mut [Sorted<H>]| {
+            let extent = Extent::of(item);
+            Self::new(item, extent)
+        };
+        items.chunks_mut(1).map(of)
     }
 }
 
-fn bounds_of<H: Hull>(items: &[Sorted<H>]) -> H {
-    items.iter().fold(H::EMPTY, |b, i| b.union(&i.bounds))
-}
-
-/// Appends the node over `items` (two or more) and all below it; returns the node's number.
+/// Appends the node over `items` (two or more; with what they extend over, where that is known) and all below it; returns the node's number.
 fn build_node<B: Bounds8>(
     tree: &mut Tree<B>,
     items: &mut [Sorted<B::Hull>],
+    extent: Option<Extent<B::Hull>>,
     mut below: Below<'_>,
 ) -> u32 {
     if let Some(strands) = below.strands
@@ -178,16 +176,17 @@ fn build_node<B: Bounds8>(
         if let Some((frame, mut turned)) = strands.turn(items) {
             below.frame = tree.frames.len() as u32;
             tree.frames.push(frame);
-            return build_node(tree, &mut turned, below);
+            return build_node(tree, &mut turned, None, below);
         }
     }
     let parallel = items.len() > PARALLEL_ITEMS;
     let kind = below.kind;
     let mut ranges: Vec<Range<'_, B::Hull>> = Vec::with_capacity(8);
     if items.len() <= 8 {
-        ranges.extend(items.chunks_mut(1).map(Range::new));
+        ranges.extend(Range::singles(items));
     } else {
-        ranges.push(Range::new(items));
+        let extent = extent.unwrap_or_else(|| Extent::of(items));
+        ranges.push(Range::new(items, extent));
         // Up to 8 items are one full node.
         let least = if kind == Nodes::Full { 8 } else { 1 };
         while ranges.len() < 8 {
@@ -202,10 +201,10 @@ fn build_node<B: Bounds8>(
                 });
             let Some(widest) = widest else { break };
             let range = ranges.swap_remove(widest);
-            let middle = split(range.items, kind, below.depth);
-            let (left, right) = range.items.split_at_mut(middle);
-            ranges.push(Range::new(left));
-            ranges.push(Range::new(right));
+            let halves = split(range.items, &range.extent, kind, below.depth);
+            let (left, right) = range.items.split_at_mut(halves.middle);
+            ranges.push(Range::new(left, halves.extents[0]));
+            ranges.push(Range::new(right, halves.extents[1]));
         }
         // What fits into this node needs none of its own.
         while let Some(smallest) = (0..ranges.len())
@@ -214,14 +213,14 @@ fn build_node<B: Bounds8>(
             .filter(|&i| ranges.len() + ranges[i].items.len() <= 9)
         {
             let range = ranges.swap_remove(smallest);
-            ranges.extend(range.items.chunks_mut(1).map(Range::new));
+            ranges.extend(Range::singles(range.items));
         }
     }
 
     let index = tree.nodes.len() as u32;
     let mut boxes = [LinearBox::EMPTY; 8];
     for (to, range) in boxes.iter_mut().zip(&ranges) {
-        *to = range.bounds.linear();
+        *to = range.extent.bounds.linear();
     }
     tree.nodes.push(Node {
         bounds: pack(below.level, &boxes[..ranges.len()]),
@@ -239,7 +238,7 @@ fn build_node<B: Bounds8>(
                     frames: vec![Frame::IDENTITY],
                     root: Tree::<B>::EMPTY,
                 };
-                subtree.root = build_child(&mut subtree, range.items, below);
+                subtree.root = build_child(&mut subtree, range, below);
                 subtree
             })
             .collect();
@@ -249,7 +248,7 @@ fn build_node<B: Bounds8>(
         }
     } else {
         for (slot, range) in ranges.into_iter().enumerate() {
-            let child = build_child(tree, range.items, below);
+            let child = build_child(tree, range, below);
             tree.nodes[index as usize].children[slot] = child;
         }
     }
@@ -273,14 +272,10 @@ impl<B> Tree<B> {
     }
 }
 
-fn build_child<B: Bounds8>(
-    tree: &mut Tree<B>,
-    items: &mut [Sorted<B::Hull>],
-    below: Below<'_>,
-) -> u32 {
-    match items {
+fn build_child<B: Bounds8>(tree: &mut Tree<B>, range: Range<'_, B::Hull>, below: Below<'_>) -> u32 {
+    match range.items {
         [item] => Tree::<B>::LEAF | item.id,
-        _ => build_node(tree, items, below),
+        items => build_node(tree, items, Some(range.extent), below),
     }
 }
 
