@@ -10,6 +10,7 @@
 //! with Defocus and Motion Blur", ACM TOG 29(4), 2010.
 #![forbid(unsafe_code)]
 
+pub mod alone;
 pub mod aov;
 pub mod bvh;
 pub mod camera;

@@ -28,7 +28,24 @@ pub(crate) fn prepare_statistics(prepared: &Prepared) -> Statistics {
         objects_diced: from.objects_diced,
         objects_reused: from.objects_reused,
         objects_placed: from.objects_placed,
+        clusters: from.clusters,
+        clusters_culled: from.clusters_culled,
+        micropolygons_culled: from.micropolygons_culled,
         ..Statistics::default()
+    }
+}
+
+/// `known`, with what rays have had diced since.
+pub(crate) fn current_statistics(known: &Statistics, prepared: &Prepared) -> Statistics {
+    Statistics {
+        film_bytes: known.film_bytes,
+        peak_bytes: known.peak_bytes,
+        trace_seconds: known.trace_seconds,
+        total_seconds: known.total_seconds,
+        rays: known.rays,
+        node_tests: known.node_tests,
+        cell_tests: known.cell_tests,
+        ..prepare_statistics(prepared)
     }
 }
 

@@ -130,6 +130,12 @@ pub struct Statistics {
     pub objects_reused: u64,
     /// Those of them that were placed anew: only their grids were kept.
     pub objects_placed: u64,
+    /// Parts of prims that are diced when a ray first comes near them.
+    pub clusters: u64,
+    /// Those of them that none has come near by now; they count nowhere else.
+    pub clusters_culled: u64,
+    /// About how many micropolygons these would have.
+    pub micropolygons_culled: u64,
 }
 
 #[cfg(test)]

@@ -25,7 +25,9 @@ use tracing::dispatcher::with_default;
 use crate::ahead::Ahead;
 use crate::aov::AovShape;
 use crate::edit::{Change, Edit, EditQueue, Kind, apply};
-use crate::engine::{MISS, NO_RAY, is_traceable, new_frame, prepare_error, prepare_statistics};
+use crate::engine::{
+    MISS, NO_RAY, current_statistics, is_traceable, new_frame, prepare_error, prepare_statistics,
+};
 use crate::error::{Error, try_map};
 use crate::file::{self, ImageOptions};
 use crate::image::Image;
@@ -258,9 +260,16 @@ impl Session {
     pub fn statistics(&self) -> Result<Statistics, Error> {
         self.shared.check()?;
         let peak_bytes = memory::peak_bytes().unwrap_or(0);
-        Ok(Statistics {
+        let status = self.shared.status();
+        let known = Statistics {
             peak_bytes,
-            ..self.shared.status().statistics
+            ..status.statistics
+        };
+        let prepared = status.committed.as_ref().map(|c| Arc::clone(&c.prepared));
+        drop(status);
+        Ok(match prepared {
+            Some(prepared) => current_statistics(&known, &prepared),
+            None => known,
         })
     }
 
@@ -543,6 +552,9 @@ fn render_all(
         tracing::error!("the renderer failed; the session can only be destroyed");
         return;
     };
+    for warning in prepared.late_warnings() {
+        shared.log.warn_once(&warning);
+    }
     let mut status = shared.status();
     status.run.done = frame.samples_done();
     let all = &mut status.statistics;

@@ -9,7 +9,7 @@ use std::sync::{Arc, OnceLock};
 use glam::DAffine3;
 use rayon::prelude::*;
 
-use super::objects::{Context, PlacedSet, PrimObjects};
+use super::objects::{Context, Flat, PlacedSet, PrimObjects};
 use super::shape::{Shape, Target};
 use crate::bvh::ObjectGeometry;
 use crate::camera::Camera;
@@ -156,7 +156,8 @@ impl PrimObjects {
             if let Some(shape) = shape {
                 let id = placements.id(number);
                 let before = self.placed.len();
-                self.flatten(path, shape, &matrix, &paths.keys, id, context);
+                let flat = Flat::OneOfMany(shape);
+                self.flatten(path, flat, &matrix, &paths.keys, id, context);
                 for placed in &mut self.placed[before..] {
                     let own = |&link: &usize| vec![placements.instance_of(number, link)];
                     placed.numbers = self.given.links.iter().map(own).collect();

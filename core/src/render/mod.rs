@@ -6,6 +6,7 @@
 
 mod ahead;
 mod chains;
+mod clusters;
 mod given;
 mod instances;
 mod integrate;

@@ -9,6 +9,7 @@ use std::collections::HashMap;
 use glam::{DAffine3, DVec3};
 
 use super::chains::Chain;
+use super::clusters::OnDemand;
 use super::given::Given;
 use super::instances::{self, Shared};
 use super::primvar_aovs::{PrimPrimvar, PrimPrimvars, asked_of};
@@ -70,6 +71,8 @@ pub(super) struct PrimObjects {
     pub shape_warnings: Vec<Warning>,
     /// What it was diced to there.
     pub shared: Option<Shared>,
+    /// What of it is diced on demand.
+    pub on_demand: Option<Arc<OnDemand>>,
     /// True where grids were made, and not only taken over.
     pub diced: bool,
     pub limit_evaluations: u64,
@@ -95,6 +98,7 @@ impl PrimObjects {
             warnings: Vec::new(),
             shape_warnings: Vec::new(),
             shared: None,
+            on_demand: None,
             diced: false,
             limit_evaluations: 0,
             translate_seconds: 0.0,
@@ -163,7 +167,8 @@ fn translate(
             if let Some(shape) = make(&mut out) {
                 let matrix = |t: f64| hierarchy.matrix(t);
                 let keys = hierarchy.key_times();
-                out.flatten(path, shape.as_ref(), &matrix, &keys, 0, context);
+                let shape: Arc<dyn Shape> = shape.into();
+                out.flatten(path, Flat::Once(&shape), &matrix, &keys, 0, context);
             }
         }
         Ok(Places::Many(placements)) => {
@@ -217,6 +222,15 @@ impl Places {
     }
 }
 
+/// What is placed with its vertices in world space.
+#[derive(Clone, Copy)]
+pub(super) enum Flat<'a> {
+    /// A prim that appears once.
+    Once(&'a Arc<dyn Shape>),
+    /// One of its many instances.
+    OneOfMany(&'a dyn Shape),
+}
+
 impl PrimObjects {
     /// Primvars that AOVs ask for: its own, and those that it is given.
     pub fn sources(&self) -> impl Iterator<Item = &PrimPrimvar> {
@@ -235,12 +249,16 @@ impl PrimObjects {
     pub(super) fn flatten(
         &mut self,
         path: &str,
-        shape: &dyn Shape,
+        flat: Flat<'_>,
         matrix: &dyn Fn(f64) -> DAffine3,
         matrix_keys: &[f64],
         instance_id: i32,
         context: &Context<'_>,
     ) {
+        let shape = match flat {
+            Flat::Once(shape) => shape.as_ref(),
+            Flat::OneOfMany(shape) => shape,
+        };
         let points = match route::flatten(shape.points(), matrix, matrix_keys, context.camera) {
             Ok(points) => points,
             Err(error) => return self.drop_prim(path, Code::NotFinite, &error.to_string()),
@@ -253,10 +271,15 @@ impl PrimObjects {
             instanced: false,
         };
         self.segments = self.segments.max(points.key_times().len() - 1);
+        let keys = points.key_times();
+        let matrices = (0..keys.len()).map(|k| points.matrix(k).matrix3).collect();
+        let winding = Winding::placed(shape.is_left_handed(), keys, matrices);
+        if let Flat::Once(shape) = flat
+            && self.place_clusters(shape, &points, &metric, &winding, context)
+        {
+            return;
+        }
         if let Some(geometry) = self.build(path, shape, &target, context) {
-            let keys = points.key_times();
-            let matrices = (0..keys.len()).map(|k| points.matrix(k).matrix3).collect();
-            let winding = Winding::placed(shape.is_left_handed(), keys, matrices);
             let place = Shift::new(DVec3::ZERO, geometry.mesh().origin, instance_id);
             let set = Arc::new(InstanceSet::translated(geometry, vec![place]));
             self.placed.push(PlacedSet {

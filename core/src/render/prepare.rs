@@ -235,6 +235,12 @@ pub fn prepare_with(
             Taken::Nothing | Taken::Ahead => statistics.objects_diced += 1,
             Taken::LeftOut => {}
         }
+        if let Some(on_demand) = objects.on_demand.as_ref().filter(|_| taken == Taken::Whole) {
+            // What was spent before this commit is not its own.
+            let [dice, build] = on_demand.seconds();
+            statistics.dice_seconds -= dice;
+            statistics.build_seconds -= build;
+        }
         if taken != Taken::Whole {
             statistics.translate_seconds += objects.translate_seconds;
             statistics.dice_seconds += objects.dice_seconds;
@@ -428,6 +434,7 @@ pub(super) fn same_dicing(
         && old.shading_rate == settings.shading_rate
         && old.max_micropolygons == settings.max_micropolygons
         && old.curves == settings.curves
+        && old.occlusion_culling == settings.occlusion_culling
         && old.window() == settings.window()
 }
 
@@ -475,18 +482,24 @@ fn place(
     let mut entries = Vec::new();
     let mut sets = Vec::new();
     let mut seen = std::collections::HashSet::new();
+    let mut parts = 0;
     for (p, prim) in prims.iter().enumerate() {
         statistics.limit_evaluations += prim.objects.limit_evaluations;
+        // Its clusters are parts of one object, which appears once.
+        if prim.objects.on_demand.is_some() {
+            statistics.objects += 1;
+            parts += prim.objects.placed.len() as u64 - 1;
+        }
         for (k, placed) in prim.objects.placed.iter().enumerate() {
-            let object = placed.set.object();
-            if seen.insert(Arc::as_ptr(object)) {
-                let stats = object.stats();
+            let made = match placed.set.as_deferred() {
+                Some(_) => None, // counted when it is asked
+                None => placed.set.made(),
+            };
+            if let Some(object) = made
+                && seen.insert(Arc::as_ptr(object))
+            {
                 statistics.objects += 1;
-                statistics.grids += object.mesh().grids.len() as u64;
-                statistics.micropolygons += stats.cells;
-                statistics.geometry_bytes += stats.mesh_bytes;
-                statistics.bvh_bytes += stats.bvh_bytes;
-                statistics.bvh_nodes += stats.nodes + stats.blocks;
+                statistics.add_object(object);
             }
             let winding = &placed.winding;
             sets.push(WorldSet {
@@ -497,8 +510,9 @@ fn place(
                     winding: winding.clone(),
                 }),
             });
-            let facets = match object.mesh().normal_key_count {
-                0 => winding.clone(),
+            // Deferred ones store normals.
+            let facets = match made.map(|object| object.mesh().normal_key_count) {
+                Some(0) => winding.clone(),
                 _ => Winding::Same,
             };
             entries.push(SetEntry {
@@ -510,7 +524,7 @@ fn place(
     }
     let world = World::new(sets, camera.origin())
         .map_err(|error| PrepareError::OutOfMemory(error.to_string()))?;
-    statistics.instances = world.instance_count() as u64;
+    statistics.instances = world.instance_count() as u64 - parts;
     let stats = world.stats();
     statistics.bvh_bytes += stats.top_bytes;
     statistics.bvh_nodes += stats.top_nodes;

@@ -6,7 +6,9 @@ use std::sync::Arc;
 use super::chains::Chain;
 use super::objects::PrimObjects;
 use crate::aov::{Aov, PrimvarAov};
+use crate::bvh::ObjectGeometry;
 use crate::camera::Camera;
+use crate::diagnostics::Warning;
 use crate::effects::EffectPlan;
 use crate::motion::Shutter;
 use crate::scene::{CameraDesc, PrimDesc, PrimId, RenderSettings};
@@ -88,6 +90,24 @@ pub struct PrepareStatistics {
     pub objects_reused: u64,
     /// Those of them that were placed anew: only their grids were taken over.
     pub objects_placed: u64,
+    /// Parts of prims that are diced when a ray first comes near them.
+    pub clusters: u64,
+    /// Those of them that none has come near by now; they count nowhere else.
+    pub clusters_culled: u64,
+    /// About how many micropolygons these would have.
+    pub micropolygons_culled: u64,
+}
+
+impl PrepareStatistics {
+    /// Counts what an object has.
+    pub(super) fn add_object(&mut self, object: &ObjectGeometry) {
+        let stats = object.stats();
+        self.grids += object.mesh().grids.len() as u64;
+        self.micropolygons += stats.cells;
+        self.geometry_bytes += stats.mesh_bytes;
+        self.bvh_bytes += stats.bvh_bytes;
+        self.bvh_nodes += stats.nodes + stats.blocks;
+    }
 }
 
 /// A scene, ready to render.
@@ -131,9 +151,21 @@ impl Prepared {
         }
     }
 
-    /// Counts and times of the commit.
-    pub fn statistics(&self) -> &PrepareStatistics {
-        &self.statistics
+    /// Counts and times of the commit, and of what rays have had diced by now.
+    pub fn statistics(&self) -> PrepareStatistics {
+        let mut statistics = self.statistics;
+        for prim in &self.prims {
+            if let Some(on_demand) = &prim.objects.on_demand {
+                on_demand.add_to(&mut statistics);
+            }
+        }
+        statistics
+    }
+
+    /// What went wrong in dicing on demand by now, in prim order.
+    pub fn late_warnings(&self) -> Vec<Warning> {
+        let of = |prim: &PreparedPrim| prim.objects.on_demand.as_ref()?.warning(&prim.path);
+        self.prims.iter().filter_map(of).collect()
     }
 
     /// The effect plan.
@@ -143,7 +175,14 @@ impl Prepared {
 
     /// The effect plan and the size of the scene, as text for people.
     pub fn explain(&self) -> String {
-        let s = &self.statistics;
+        let s = &self.statistics();
+        let culled = match s.clusters {
+            0 => String::new(),
+            all => format!(
+                "occlusion culling: {} of {all} clusters are not diced yet, about {} micropolygons\n",
+                s.clusters_culled, s.micropolygons_culled,
+            ),
+        };
         let [width, height] = self.settings.resolution;
         let window = self.settings.data_window.map_or(String::new(), |w| {
             format!(" (data window {} {} to {} {})", w[0], w[1], w[2], w[3])
@@ -151,7 +190,7 @@ impl Prepared {
         format!(
             "camera: {}\nimage: {width} x {height}{window}, {} samples a pixel, shading rate {}\n\
              shutter: {} to {} time codes\n{}backend: cpu\n\
-             scene: {} prims, {} instances, {} grids, {} micropolygons\n",
+             scene: {} prims, {} instances, {} grids, {} micropolygons\n{culled}",
             self.camera_desc.path,
             self.settings.samples,
             self.settings.shading_rate,

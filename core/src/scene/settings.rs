@@ -113,6 +113,9 @@ pub struct RenderSettings {
     /// Keep the grids of instanced prims that an earlier commit made finer than they are needed now. What
     /// an edit does not touch is rendered sooner; bits then depend on what was rendered before.
     pub keep_finer: bool,
+    /// Dice what may be hidden when a ray first comes near it, and not at all where none does. The image
+    /// is the same.
+    pub occlusion_culling: bool,
     /// Which sides of surfaces are not seen.
     pub cull: Cull,
     /// AOVs to render, by name; unknown names give a warning.
@@ -176,6 +179,7 @@ impl Default for RenderSettings {
             lens_point: None,
             max_micropolygons: 200_000_000,
             keep_finer: true,
+            occlusion_culling: true,
             curves: CurveForm::Auto,
             cull: Cull::None,
             aovs: vec!["color".to_owned()],

@@ -86,10 +86,7 @@ impl Bounded {
         world_origin: DVec3,
         matrices: &mut Vec<DAffine3>,
     ) -> Option<Bounded> {
-        let object = set.object();
-        if object.is_empty() {
-            return None;
-        }
+        let (object_bounds, radius) = set.object_bounds()?;
         matrices.clear();
         let mut worst: f32 = 1.0;
         match &set.places {
@@ -120,8 +117,8 @@ impl Bounded {
             }
         }
         let key_times = set.key_times().unwrap_or(&[0.0]);
-        let bounds = world_bounds(object.bounds(), key_times, matrices);
-        let reach = reach(&bounds, matrices, f64::from(object.radius()));
+        let bounds = world_bounds(object_bounds, key_times, matrices);
+        let reach = reach(&bounds, matrices, f64::from(radius));
         let sound = bounds.is_finite() && reach < COORDINATE_LIMIT && worst.is_finite();
         sound.then_some(Bounded {
             bounds,

@@ -8,8 +8,10 @@
 pub mod brute;
 pub mod cell;
 pub mod cells16;
+pub mod deferred;
 mod enter;
 pub mod instance;
+mod late;
 pub mod object_ray;
 pub mod packet;
 mod pairs;
@@ -21,6 +23,7 @@ mod traverse;
 mod traverse_packet;
 pub mod world;
 
+pub use deferred::Deferred;
 pub use instance::InstanceTransform;
 pub use places::InstanceSet;
 pub use sides::{Culled, Side, Winding};

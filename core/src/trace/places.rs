@@ -20,9 +20,10 @@ use std::sync::Arc;
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use hdtrapeze_simd::{Float, Simd};
 
+use super::deferred::Deferred;
 use super::instance::may_invert;
 use super::packet::{LANES, Rays};
-use crate::bvh::ObjectGeometry;
+use crate::bvh::{LinearBox, ObjectGeometry};
 use crate::grid::locate_key;
 
 /// Where one instance is, or is at a key.
@@ -88,10 +89,17 @@ pub(super) enum Places {
     },
 }
 
+/// What appears.
+#[derive(Clone, Debug)]
+enum Object {
+    Made(Arc<ObjectGeometry>),
+    Deferred(Arc<Deferred>),
+}
+
 /// All instances of one object that move in the same way.
 #[derive(Clone, Debug)]
 pub struct InstanceSet {
-    object: Arc<ObjectGeometry>,
+    object: Object,
     pub(super) places: Places,
 }
 
@@ -99,12 +107,14 @@ impl InstanceSet {
     /// Translated instances.
     pub fn translated(object: Arc<ObjectGeometry>, shifts: Vec<Shift>) -> Self {
         let places = Places::Translated(shifts);
+        let object = Object::Made(object);
         Self { object, places }
     }
 
     /// Instances with a matrix that does not move: records by [`Record::fixed`].
     pub fn fixed(object: Arc<ObjectGeometry>, records: Vec<Record>) -> Self {
         let places = Places::Fixed(records);
+        let object = Object::Made(object);
         Self { object, places }
     }
 
@@ -116,12 +126,62 @@ impl InstanceSet {
         records: Vec<Record>,
     ) -> Self {
         let places = Places::Moving { key_times, records };
+        let object = Object::Made(object);
         Self { object, places }
     }
 
-    /// What appears.
+    /// One translated instance of an object that is made when it is first asked for.
+    pub fn deferred(object: Arc<Deferred>, shift: Shift) -> Self {
+        Self {
+            object: Object::Deferred(object),
+            places: Places::Translated(vec![shift]),
+        }
+    }
+
+    /// What appears; it is made where it was deferred.
+    #[inline]
     pub fn object(&self) -> &Arc<ObjectGeometry> {
-        &self.object
+        match &self.object {
+            Object::Made(object) => object,
+            Object::Deferred(deferred) => deferred.object(),
+        }
+    }
+
+    /// What appears, where it is made.
+    #[inline]
+    pub fn made(&self) -> Option<&Arc<ObjectGeometry>> {
+        match &self.object {
+            Object::Made(object) => Some(object),
+            Object::Deferred(deferred) => deferred.made(),
+        }
+    }
+
+    /// What is made when it is first asked for.
+    pub fn as_deferred(&self) -> Option<&Arc<Deferred>> {
+        match &self.object {
+            Object::Made(_) => None,
+            Object::Deferred(deferred) => Some(deferred),
+        }
+    }
+
+    /// Bounds of the object over time, relative to its mesh's origin, and its [`ObjectGeometry::radius`]; nothing
+    /// where it cannot be hit.
+    pub(super) fn object_bounds(&self) -> Option<(&LinearBox, f32)> {
+        match &self.object {
+            Object::Made(object) => {
+                (!object.is_empty()).then(|| (object.bounds(), object.radius()))
+            }
+            Object::Deferred(deferred) => Some((deferred.bounds(), deferred.radius())),
+        }
+    }
+
+    /// Where a ray in the object's space enters the bounds of one that is not made yet; nothing where it cannot
+    /// hit it between two distances, both inclusive.
+    pub(super) fn entry(&self, origin: Vec3, dir: Vec3, time: f32, t: [f32; 2]) -> Option<f64> {
+        match &self.object {
+            Object::Made(_) => Some(0.0),
+            Object::Deferred(deferred) => deferred.entry(origin, dir, time, t),
+        }
     }
 
     /// Number of instances.

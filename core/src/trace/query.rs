@@ -10,6 +10,7 @@ use glam::Vec3;
 use hdtrapeze_simd::{Kernel, Simd};
 
 use super::instance::{INSTANCE_PAD, NEAR_CONDITION};
+use super::late::Late;
 use super::object_ray::{ObjectRay, SLAB_PAD};
 use super::packet::{LANES, PACKET, Packet, Rays, VECTORS, part, split};
 use super::sides::Side;
@@ -176,7 +177,14 @@ impl World {
         if tree.root & Tree::<B>::LEAF != 0 && tree.root != Tree::<B>::EMPTY {
             // A single instance, which bounds rays itself.
             let item = tree.root & !Tree::<B>::LEAF;
-            self.instance_packet(simd, item, rays, lanes, queries, room);
+            match self.find(item).0.set.made() {
+                Some(object) => {
+                    self.inside_packet(simd, object, item, rays, lanes, queries, room);
+                }
+                None => {
+                    self.finish_packet(simd, vec![Late { item, lanes }], rays, queries, room);
+                }
+            }
             return;
         }
         // The pads of `query_top`.
@@ -187,6 +195,7 @@ impl World {
             }
         }
         let packet = Packet::new::<MOVING>(simd, rays, lanes, 0.0, Some(&pads));
+        let mut late = Vec::new();
         walk_packet(
             simd,
             tree,
@@ -194,17 +203,25 @@ impl World {
             queries,
             room,
             #[inline(always)]
-            |item, lanes, queries, room| {
-                self.instance_packet(simd, item, rays, lanes, queries, room);
+            |item, lanes, queries, room| match self.find(item).0.set.made() {
+                Some(object) => {
+                    self.inside_packet(simd, object, item, rays, lanes, queries, room);
+                }
+                None => late.push(Late { item, lanes }),
             },
         );
+        if !late.is_empty() {
+            self.finish_packet(simd, late, rays, queries, room);
+        }
     }
 
-    /// Traces the rays `lanes` through one instance.
+    /// Traces the rays `lanes` through an instance of `object`.
     #[inline(always)]
-    fn instance_packet<S: Simd>(
+    #[allow(clippy::too_many_arguments)] // inlined
+    pub(super) fn inside_packet<S: Simd>(
         &self,
         simd: S,
+        object: &ObjectGeometry,
         item: u32,
         rays: &[Rays],
         lanes: u64,
@@ -220,7 +237,7 @@ impl World {
             }
         }
         self.level.run(InsideMany {
-            object: set.object(),
+            object,
             instance: item,
             rays: &local[..rays.len().min(VECTORS)],
             lanes,
@@ -255,62 +272,85 @@ impl World {
             return Hit::MISS;
         }
         stack.clear();
-        match &self.top {
+        let late = match &self.top {
             TopTree::Static(tree) => {
-                self.query_top::<_, _, CULL>(simd, tree, tree.root, ray, &mut query, stack, counts);
+                self.query_top::<_, _, CULL>(simd, tree, ray, &mut query, stack, counts)
             }
             TopTree::Moving(tree) => {
-                self.query_top::<_, _, CULL>(simd, tree, tree.root, ray, &mut query, stack, counts);
+                self.query_top::<_, _, CULL>(simd, tree, ray, &mut query, stack, counts)
             }
+        };
+        if !late.is_empty() {
+            self.finish::<CULL>(late, ray, &mut query, stack, counts);
         }
         query.answer()
     }
 
+    /// Gives the instances that the ray came to, and whose objects are not made.
     #[inline(always)]
-    #[allow(clippy::too_many_arguments)] // inlined
     fn query_top<S: Simd, B: Bounds8, const CULL: bool>(
         &self,
         simd: S,
         tree: &Tree<B>,
-        root: u32,
         ray: &Ray,
         query: &mut Query,
         stack: &mut Stack,
         counts: &mut TraceCounts,
-    ) {
+    ) -> Vec<Late> {
+        let mut late = Vec::new();
         let time = clamp_time(ray.time);
         let pad = self.pad(ray.origin);
         let Some(world_ray) = ObjectRay::padded(ray.origin, ray.dir, slab_time::<B>(time), pad)
         else {
-            return;
+            return late;
         };
         walk(
             simd,
             tree,
-            root,
+            tree.root,
             &world_ray,
             query,
             stack,
             counts,
             #[inline(always)]
-            |item, query, stack, counts| {
-                let (Numbered { set, culled, .. }, i) = self.find(item);
-                let (origin, dir) = set.to_object(i, ray.origin, ray.dir, time, self.origin);
-                let hidden = match culled {
-                    Some(culled) if CULL => Some(culled.of_lattices(time)),
-                    _ => None,
-                };
-                self.level.run(Inside::<'_, CULL> {
-                    object: set.object(),
-                    instance: item,
-                    hidden,
-                    ray: (origin, dir, time),
-                    query,
-                    stack,
-                    counts,
-                });
+            |item, query, stack, counts| match self.find(item).0.set.made() {
+                Some(object) => {
+                    self.inside::<CULL>(object, item, ray, time, query, stack, counts);
+                }
+                None => late.push(Late { item, lanes: 1 }),
             },
         );
+        late
+    }
+
+    /// Traces a ray through an instance of `object`.
+    #[inline(always)]
+    #[allow(clippy::too_many_arguments)] // inlined
+    pub(super) fn inside<const CULL: bool>(
+        &self,
+        object: &ObjectGeometry,
+        instance: u32,
+        ray: &Ray,
+        time: f32,
+        query: &mut Query,
+        stack: &mut Stack,
+        counts: &mut TraceCounts,
+    ) {
+        let (Numbered { set, culled, .. }, i) = self.find(instance);
+        let (origin, dir) = set.to_object(i, ray.origin, ray.dir, time, self.origin);
+        let hidden = match culled {
+            Some(culled) if CULL => Some(culled.of_lattices(time)),
+            _ => None,
+        };
+        self.level.run(Inside::<'_, CULL> {
+            object,
+            instance,
+            hidden,
+            ray: (origin, dir, time),
+            query,
+            stack,
+            counts,
+        });
     }
 
     /// What slab tests of the tree over instances are padded by, for a ray from here.

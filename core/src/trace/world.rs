@@ -43,6 +43,12 @@ pub(super) struct Numbered {
     pub(super) culled: Option<Culled>,
 }
 
+impl Numbered {
+    fn made(&self) -> Option<&Arc<ObjectGeometry>> {
+        self.set.made()
+    }
+}
+
 #[derive(Clone, Debug)]
 pub(super) enum TopTree {
     Static(Tree<StaticSlabs>),
@@ -79,7 +85,7 @@ pub struct WorldStats {
     pub instances: u64,
     /// Instances that cannot be hit: the object is empty, or the transform not finite or singular.
     pub left_out: u64,
-    /// Different objects.
+    /// Different objects, but for those that are not made yet.
     pub objects: u64,
     /// Objects' trees together; `cells` counts each object once.
     pub object: BvhStats,
@@ -237,8 +243,8 @@ impl World {
 
     /// Numbers about the world.
     pub fn stats(&self) -> WorldStats {
-        let mut objects: Vec<&Arc<ObjectGeometry>> =
-            self.sets.iter().map(|s| s.set.object()).collect();
+        let made = |s| Numbered::made(s);
+        let mut objects: Vec<&Arc<ObjectGeometry>> = self.sets.iter().filter_map(made).collect();
         objects.sort_unstable_by_key(|o| Arc::as_ptr(o));
         objects.dedup_by_key(|o| Arc::as_ptr(o));
         let (top_nodes, tree_bytes) = match &self.top {
@@ -250,7 +256,7 @@ impl World {
             .iter()
             .map(|s| size_of::<Numbered>() + size_of::<InstanceSet>() + s.set.bytes())
             .sum();
-        let cells = |s: &Numbered| s.set.object().stats().cells * s.set.len() as u64;
+        let cells = |s: &Numbered| s.set.made().map_or(0, |o| o.stats().cells) * s.set.len() as u64;
         WorldStats {
             instances: self.set_of.len() as u64,
             left_out: self.left_out,

@@ -224,6 +224,11 @@ def _add_render_flags(group) -> None:
     add("--cull", choices=tuple(CULLS), help="sides of surfaces that are not seen (none)")
     add("--no-motion-blur", action="store_true", help="everything as at the frame's own time")
     add("--no-defocus", action="store_true", help="a pinhole in place of the lens")
+    add(
+        "--no-occlusion-culling",
+        action="store_true",
+        help="dice hidden surfaces too; the image is the same",
+    )
     add("--filter", choices=tuple(FILTERS), help="pixel filter (gaussian)")
     add("--filter-width", type=float, metavar="PIXELS", help="default: the filter's")
     add("--seed", type=int, metavar="N", help="seed of the sample patterns (0)")

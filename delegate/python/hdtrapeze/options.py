@@ -93,6 +93,8 @@ class Options:
     """A key of curves.FORMS: what curves without normals are rendered as."""
     cull: str = "none"
     """A key of CULLS."""
+    occlusion_culling: bool = True
+    """Dice what may be hidden when a ray first comes near it; the image is the same without."""
     compression: str = "zip"
     """Of EXR files."""
     pixel_type: str = "half"

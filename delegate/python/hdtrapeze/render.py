@@ -130,6 +130,7 @@ class Renderer:
             "lens_point": options.lens_point or (0.0, 0.0),
             "curves": getattr(constants, f"TRZ_CURVES_{FORMS[options.curves]}"),
             "cull": getattr(constants, f"TRZ_CULL_{CULLS[options.cull]}"),
+            "occlusion_culling": options.occlusion_culling,
             "backend": getattr(constants, f"TRZ_BACKEND_{BACKENDS[options.backend]}"),
         }
         if options.max_micropolygons is not None:

@@ -125,6 +125,7 @@ def flag_values(args) -> dict:
     for off, name in (
         (args.no_motion_blur, "motion_blur"),
         (args.no_defocus, "defocus"),
+        (args.no_occlusion_culling, "occlusion_culling"),
         (args.disableCameraLight, "camera_light"),
         (args.disableDrawMode, "draw_modes"),
     ):

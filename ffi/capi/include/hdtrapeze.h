@@ -880,6 +880,9 @@ typedef struct trz_settings {
   // pass through, as if they were not there. Fronts are as each prim's orientation has them, and
   // stay in front where transforms mirror. Curves and points are always seen.
   uint32_t cull;
+  // 1: what may be hidden is diced when a ray first comes near it, and not at all where none does; the
+  // image is the same. 0: everything is diced by the commit.
+  uint32_t occlusion_culling;
 } trz_settings;
 
 // How far a render is.
@@ -948,6 +951,13 @@ typedef struct trz_statistics {
   uint64_t objects_reused;
   // Those of them that it placed anew: only their grids were kept.
   uint64_t objects_placed;
+  // Parts of prims that are diced when a ray first comes near them.
+  uint64_t clusters;
+  // Those of them that none has come near by now. Grids, micropolygons, bytes and seconds are of what is
+  // diced; seconds spent on dicing while rendering are part of trace_seconds too.
+  uint64_t clusters_culled;
+  // About how many micropolygons these would have.
+  uint64_t micropolygons_culled;
 } trz_statistics;
 
 // Size and type of an AOV. It covers the image and the data window; what was not rendered of them

@@ -543,6 +543,9 @@ pub struct trz_settings {
     /// pass through, as if they were not there. Fronts are as each prim's orientation has them, and
     /// stay in front where transforms mirror. Curves and points are always seen.
     pub cull: u32,
+    /// 1: what may be hidden is diced when a ray first comes near it, and not at all where none does; the
+    /// image is the same. 0: everything is diced by the commit.
+    pub occlusion_culling: u32,
 }
 
 /// How far a render is.
@@ -615,6 +618,13 @@ pub struct trz_statistics {
     pub objects_reused: u64,
     /// Those of them that it placed anew: only their grids were kept.
     pub objects_placed: u64,
+    /// Parts of prims that are diced when a ray first comes near them.
+    pub clusters: u64,
+    /// Those of them that none has come near by now. Grids, micropolygons, bytes and seconds are of what is
+    /// diced; seconds spent on dicing while rendering are part of trace_seconds too.
+    pub clusters_culled: u64,
+    /// About how many micropolygons these would have.
+    pub micropolygons_culled: u64,
 }
 
 /// Size and type of an AOV. It covers the image and the data window; what was not rendered of them

@@ -126,6 +126,7 @@ fn all_layouts() -> Layouts {
             filter, filter_width, seed, threads, override_shutter, shutter_open, shutter_close,
             disable_motion_blur, disable_defocus, camera_light, time_window, fix_lens, lens_point,
             max_micropolygons, backend, curves, keep_finer, cull,
+            occlusion_culling,
         }
         trz_progress {
             struct_size, state, fraction, samples_done, samples_total, seconds, seconds_left,
@@ -134,7 +135,8 @@ fn all_layouts() -> Layouts {
             struct_size, prims, instances, objects, grids, micropolygons, limit_evaluations,
             geometry_bytes, bvh_bytes, bvh_nodes, film_bytes, peak_bytes, translate_seconds,
             dice_seconds, build_seconds, trace_seconds, total_seconds, rays, node_tests,
-            cell_tests, objects_diced, objects_reused, objects_placed,
+            cell_tests, objects_diced, objects_reused, objects_placed, clusters,
+            clusters_culled, micropolygons_culled,
         }
         trz_aov_desc { struct_size, width, height, components, format, origin_x, origin_y }
         trz_image {

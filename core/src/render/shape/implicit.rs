@@ -6,7 +6,7 @@ use super::{Shape, Target};
 use crate::grid::DicedMesh;
 use crate::render::objects::{Context, PrimObjects};
 use crate::scene::{ImplicitDesc, PrimDesc};
-use crate::surface::Orientation;
+use crate::surface::{LimitSurface, Orientation};
 use crate::translate::implicit::{self, CheckedImplicit};
 use crate::translate::points::PointKeys;
 
@@ -24,6 +24,17 @@ impl Shape for Implicit {
         self.orientation == Orientation::LeftHanded
     }
 
+    fn surface(&self) -> Option<&dyn LimitSurface> {
+        Some(self.checked.surface.as_ref())
+    }
+
+    fn element(&self, element: u32) -> u32 {
+        match self.checked.faces {
+            None => 0,
+            Some(_) => element,
+        }
+    }
+
     fn dice(
         &self,
         path: &str,
@@ -33,10 +44,8 @@ impl Shape for Implicit {
     ) -> Option<DicedMesh> {
         let surface = self.checked.surface.as_ref();
         let mut diced = dice_surface(path, surface, target, context, out)?;
-        if self.checked.faces.is_none() {
-            for grid in &mut diced.grids {
-                grid.element = 0;
-            }
+        for grid in &mut diced.grids {
+            grid.element = self.element(grid.element);
         }
         Some(diced)
     }

@@ -34,6 +34,15 @@ impl Shape for Mesh {
         self.mesh.topology.orientation == Orientation::LeftHanded
     }
 
+    fn surface(&self) -> Option<&dyn LimitSurface> {
+        // Authored normals are put in when all is diced.
+        self.normals.is_none().then_some(self.surface.as_ref())
+    }
+
+    fn element(&self, element: u32) -> u32 {
+        self.mesh.elements[element as usize]
+    }
+
     fn dice(
         &self,
         path: &str,
@@ -43,7 +52,7 @@ impl Shape for Mesh {
     ) -> Option<DicedMesh> {
         let mut diced = dice_surface(path, self.surface.as_ref(), target, context, out)?;
         for grid in &mut diced.grids {
-            grid.element = self.mesh.elements[grid.element as usize];
+            grid.element = self.element(grid.element);
         }
         if let Some(normals) = &self.normals {
             let frame = context.shutter.normalize(0.0).clamp(0.0, 1.0) as f32;

@@ -17,6 +17,7 @@ use crate::dice::RasterMetric;
 use crate::grid::DicedMesh;
 use crate::motion::PointPath;
 use crate::scene::{Geometry, PrimDesc};
+use crate::surface::LimitSurface;
 use crate::translate::points::PointKeys;
 
 /// Where, and how finely, a shape is diced.
@@ -38,6 +39,16 @@ pub(super) trait Shape: Send + Sync {
     /// True where the authored outside is not that of the lattices (`dP/du x dP/dv`).
     fn is_left_handed(&self) -> bool {
         false
+    }
+
+    /// The limit surface, where that is all that is diced.
+    fn surface(&self) -> Option<&dyn LimitSurface> {
+        None
+    }
+
+    /// The authored face of an element of the surface.
+    fn element(&self, element: u32) -> u32 {
+        element
     }
 
     /// Grids for `target`; `None`, with a warning in `out`, where the prim is dropped.

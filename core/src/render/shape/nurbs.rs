@@ -9,7 +9,7 @@ use crate::scene::{
     Geometry, Interpolation, NurbsCurvesDesc, NurbsPatchDesc, PrimCommon, PrimDesc,
 };
 use crate::surface::nurbs::{NurbsChannel, NurbsSurface};
-use crate::surface::{Channel, ChannelKind, Orientation};
+use crate::surface::{Channel, ChannelKind, LimitSurface, Orientation};
 use crate::translate::nurbs::check;
 use crate::translate::nurbs_curves::convert;
 use crate::translate::points::PointKeys;
@@ -28,6 +28,10 @@ impl Shape for Patch {
 
     fn is_left_handed(&self) -> bool {
         self.orientation == Orientation::LeftHanded
+    }
+
+    fn surface(&self) -> Option<&dyn LimitSurface> {
+        Some(&self.surface)
     }
 
     fn dice(

@@ -60,6 +60,9 @@ pub(crate) fn statistics_to_c(from: &Statistics) -> trz_statistics {
         objects_diced: from.objects_diced,
         objects_reused: from.objects_reused,
         objects_placed: from.objects_placed,
+        clusters: from.clusters,
+        clusters_culled: from.clusters_culled,
+        micropolygons_culled: from.micropolygons_culled,
     }
 }
 

@@ -97,6 +97,7 @@ pub(crate) fn settings(from: &trz_settings) -> Result<RenderSettings, Fault> {
         curves: curve_form(from.curves, "curves")?.unwrap_or_default(),
         keep_finer: flag(from.keep_finer, "keep_finer")?,
         cull: pick(&CULLS, from.cull, "cull")?,
+        occlusion_culling: flag(from.occlusion_culling, "occlusion_culling")?,
         aovs: defaults.aovs,
     })
 }
@@ -199,6 +200,7 @@ pub(crate) fn settings_to_c(from: &RenderSettings) -> trz_settings {
         },
         keep_finer: from.keep_finer.into(),
         cull: number(CULLS.iter().position(|&c| c == from.cull)),
+        occlusion_culling: from.occlusion_culling.into(),
     }
 }
 
