@@ -305,9 +305,9 @@ fn bounds_of(key_times: &[f32], points: &[Vec3]) -> LinearBox {
     let last = key_times.len() - 1;
     let ((lo0, hi0), (lo1, hi1)) = (at(0), at(last));
     let mut bounds = LinearBox { lo0, hi0, lo1, hi1 };
-    for key in 1..last {
+    for (key, &time) in key_times.iter().enumerate().take(last).skip(1) {
         let (lo, hi) = at(key);
-        bounds.raise(key_times[key], lo, hi);
+        bounds.raise(time, lo, hi);
     }
     bounds
 }
