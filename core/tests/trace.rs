@@ -302,8 +302,8 @@ fn instruction_sets_and_packets_give_the_same_hits() {
     for _ in 0..40 {
         let (eye, time) = (Vec3::new(rng.signed(), rng.signed(), 3.0), rng.unit());
         let target = rng.cube() * 0.8;
-        for lane in 0..16 {
-            let aside = Vec3::new((lane % 4) as f32, (lane / 4) as f32, 0.0) * 0.01;
+        for lane in 0..64 {
+            let aside = Vec3::new((lane % 8) as f32, (lane / 8) as f32, 0.0) * 0.01;
             let dir = target + aside - eye;
             coherent.push(ray(eye, dir, time + 0.02 * rng.unit()));
         }
@@ -324,6 +324,13 @@ fn instruction_sets_and_packets_give_the_same_hits() {
                 let mut hits = vec![Hit::MISS; rays.len()];
                 let mut counts = TraceCounts::default();
                 world.trace_many(rays, &mut hits, &mut counts);
+                let mut found = vec![false; rays.len()];
+                world.occluded_many(rays, &mut found, &mut TraceCounts::default());
+                assert!(
+                    found
+                        .iter()
+                        .eq(expected.iter().map(Hit::is_hit).collect::<Vec<_>>().iter())
+                );
                 for (i, ray) in rays.iter().enumerate() {
                     let alone = world.trace(ray, &mut TraceCounts::default());
                     assert_eq!(alone, expected[i], "{w} {} {ray:?}", level.name());

@@ -88,9 +88,24 @@ impl World {
         for (rays, hits) in rays.chunks(PACKET).zip(hits.chunks_mut(PACKET)) {
             let count = rays.len().min(hits.len());
             let own = &mut own[..count];
-            own.fill(TraceCounts::default());
             self.trace_packet(&rays[..count], &mut hits[..count], own);
             for own in own {
+                *counts = *counts + *own;
+            }
+        }
+    }
+
+    /// [`World::occluded`] for many rays, best near each other in space and time. Asks the first
+    /// `min(rays.len(), found.len())`.
+    pub fn occluded_many(&self, rays: &[Ray], found: &mut [bool], counts: &mut TraceCounts) {
+        let mut own = [TraceCounts::default(); PACKET];
+        let mut hits = [Hit::MISS; PACKET];
+        for (rays, found) in rays.chunks(PACKET).zip(found.chunks_mut(PACKET)) {
+            let count = rays.len().min(found.len());
+            let (own, hits) = (&mut own[..count], &mut hits[..count]);
+            self.ask_packet(&rays[..count], true, hits, own);
+            for ((found, hit), own) in found.iter_mut().zip(hits).zip(own) {
+                *found = hit.is_hit();
                 *counts = *counts + *own;
             }
         }
@@ -102,12 +117,18 @@ impl World {
     /// The slices have different lengths, or more elements.
     pub fn trace_packet(&self, rays: &[Ray], hits: &mut [Hit], counts: &mut [TraceCounts]) {
         assert!(rays.len() <= PACKET && rays.len() == hits.len() && rays.len() == counts.len());
+        self.ask_packet(rays, false, hits, counts);
+    }
+
+    /// Slices are of one length, at most [`PACKET`].
+    fn ask_packet(&self, rays: &[Ray], any: bool, hits: &mut [Hit], counts: &mut [TraceCounts]) {
         let level = self.level;
         ROOM.with(|cell| {
             let mut room = cell.take().unwrap_or_default();
             level.run(Many {
                 world: self,
                 rays,
+                any,
                 hits,
                 counts,
                 room: &mut room,
@@ -120,12 +141,14 @@ impl World {
     fn query_packet<S: Simd>(&self, simd: S, asked: Many<'_>) {
         let Many {
             rays,
+            any,
             hits,
             counts,
             room,
             ..
         } = asked;
         let mut queries = Queries::NONE;
+        queries.any = any;
         let mut packed = [Rays::NONE; VECTORS];
         let mut lanes = 0;
         for (i, ray) in rays.iter().enumerate().take(PACKET) {
@@ -380,6 +403,7 @@ struct One<'a, const CULL: bool> {
 struct Many<'a> {
     world: &'a World,
     rays: &'a [Ray],
+    any: bool,
     hits: &'a mut [Hit],
     counts: &'a mut [TraceCounts],
     room: &'a mut Room,

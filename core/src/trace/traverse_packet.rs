@@ -38,11 +38,13 @@ pub(super) struct Room {
 
 /// What the rays of a packet look for, and the best so far.
 pub(super) struct Queries {
+    /// Any hit will do.
+    pub any: bool,
     /// The best hits; misses but for their `t`, which is `t_max`, before there are any.
     pub best: [Hit; PACKET],
     /// `t_min` of each.
     pub t_min: All,
-    /// `best.t` of each.
+    /// `best.t` of each; nothing is nearer than that of a ray which looks no more.
     pub t_max: All,
     /// Nodes opened.
     pub nodes: All,
@@ -53,6 +55,7 @@ pub(super) struct Queries {
 impl Queries {
     /// Rays that look for nothing.
     pub const NONE: Queries = Queries {
+        any: false,
         best: [Hit::MISS; PACKET],
         t_min: [[f32::INFINITY; LANES]; VECTORS],
         t_max: [[f32::NEG_INFINITY; LANES]; VECTORS],
@@ -80,7 +83,7 @@ impl Queries {
         let in_range = hit.t >= self.t_min[v][lane] && hit.t <= best.t;
         if in_range && hit.is_before(best) {
             *best = hit;
-            self.t_max[v][lane] = hit.t;
+            self.t_max[v][lane] = if self.any { f32::NEG_INFINITY } else { hit.t };
         }
     }
 }

@@ -12,7 +12,7 @@ use crate::clock::{Clock, forget_peak, free_memory, peak_memory};
 use crate::compare::{Judge, Tally};
 use crate::embree::{Embree, Refusal, Scene, Variant};
 use crate::load::{Group, Load, Way, built, calls, time_ours, time_peer, trace, ways};
-use crate::rays::{by_pixel, secondary};
+use crate::rays::{by_block, by_pixel, secondary};
 use crate::scenes::{Family, Indices, Shape, Vertices, frozen};
 use crate::table::best;
 use crate::trace_scenes::Rng;
@@ -193,6 +193,13 @@ pub fn run(
     };
     if options.orders.contains(&"tile") {
         load("by tile", Group::Camera, &rays, &hits);
+    }
+    if options.orders.contains(&"block") {
+        let (rays, hits) = (
+            by_block(&rays, options.image, options.samples),
+            by_block(&hits, options.image, options.samples),
+        );
+        load("by block", Group::Camera, &rays, &hits);
     }
     if options.orders.contains(&"pixel") {
         let (rays, hits) = (

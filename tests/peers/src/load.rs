@@ -52,6 +52,8 @@ pub struct Load {
 pub enum Way {
     Packets,
     Single,
+    /// Packets, any hit.
+    AnyPackets,
     /// Single, any hit.
     Any,
 }
@@ -61,7 +63,7 @@ pub fn ways(group: Group) -> &'static [Way] {
     match group {
         Group::Camera => &[Way::Packets],
         Group::Bounce => &[Way::Packets, Way::Single],
-        Group::Shadow => &[Way::Any],
+        Group::Shadow => &[Way::AnyPackets, Way::Any],
     }
 }
 
@@ -125,6 +127,13 @@ pub fn trace(world: &World, rays: &[Ray], way: Way, hits: &mut [Hit]) -> TraceCo
                     *hit = world.trace(ray, &mut counts);
                 }
             }
+            Way::AnyPackets => {
+                let mut found = vec![false; rays.len()];
+                world.occluded_many(rays, &mut found, &mut counts);
+                for (found, hit) in found.into_iter().zip(hits) {
+                    hit.instance = u32::from(!found) * Hit::NONE;
+                }
+            }
             Way::Any => {
                 for (ray, hit) in rays.iter().zip(hits) {
                     // Only whether there is one is asked for.
@@ -142,7 +151,7 @@ pub fn time_ours(world: &World, load: &Load, way: Way, clock: Clock) -> Result<f
     let mut hits = vec![Hit::MISS; load.rays.len()];
     let (_, seconds) = clock.time(|| trace(world, &load.rays, way, &mut hits));
     let same = hits.iter().zip(&load.hits).all(|(a, b)| match way {
-        Way::Any => a.is_hit() == b.is_hit(),
+        Way::Any | Way::AnyPackets => a.is_hit() == b.is_hit(),
         _ => a == b,
     });
     if same {

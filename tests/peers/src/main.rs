@@ -39,7 +39,7 @@ hdtrapeze-peers: our tracer beside Embree 3, on the same micropolygons and rays
   --largest        the sheet alone, of 48.9 million, on Embree's grids and quads
   --quick          a small run that checks, in seconds
   --scene NAME     sheet, patches or fur alone
-  --order ORDER    camera rays by `tile` or by `pixel`; both, and the best of them, without
+  --order ORDER    camera rays by `tile`, `block` or `pixel`; all, and the best of them, without
   --image W H      1280 720; multiples of 4
   --samples N      rays a pixel (4)
   --rounds N       rounds (3)
@@ -70,7 +70,7 @@ fn arguments(mut args: impl Iterator<Item = String>) -> Result<Arguments, String
         secondary: 1_000_000,
         rounds: 3,
         clock: Clock::Wall,
-        orders: vec!["tile", "pixel"],
+        orders: vec!["tile", "block", "pixel"],
         variants: Vec::new(),
         checks: 100,
         screen: 16,

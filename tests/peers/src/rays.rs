@@ -1,4 +1,4 @@
-//! Rays of a camera with a lens and a shutter, in two orders, and rays that leave what they hit.
+//! Rays of a camera with a lens and a shutter, in three orders, and rays that leave what they hit.
 
 use std::f32::consts::TAU;
 
@@ -71,6 +71,30 @@ pub fn by_pixel<T: Copy>(of_rays: &[T], samples: usize) -> Vec<T> {
     out
 }
 
+/// Rays, or what belongs to each, by blocks of 8x8 pixels, and in each by strata: 64 rays in a row are neighbours
+/// in space and time. What does not fill a block of four tiles follows by tile.
+pub fn by_block<T: Copy>(of_rays: &[T], [width, height]: [usize; 2], samples: usize) -> Vec<T> {
+    let (columns, rows) = (width / 4, height / 4);
+    let tile =
+        |x: usize, y: usize| &of_rays[(y * columns + x) * TILE * samples..][..TILE * samples];
+    let mut out = Vec::with_capacity(of_rays.len());
+    for y in (0..rows).step_by(2) {
+        for x in (0..columns).step_by(2) {
+            let tiles: Vec<&[T]> = [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)]
+                .into_iter()
+                .filter(|&(x, y)| x < columns && y < rows)
+                .map(|(x, y)| tile(x, y))
+                .collect();
+            for stratum in 0..samples {
+                for tile in &tiles {
+                    out.extend_from_slice(&tile[stratum * TILE..][..TILE]);
+                }
+            }
+        }
+    }
+    out
+}
+
 /// One ray from each of about `count` hits, evenly chosen: into the cosine-weighted hemisphere on the side
 /// that the ray came from, at its time. A multiple of 16 of them.
 pub fn secondary(mesh: &PlanarMesh, rays: &[Ray], hits: &[Hit], count: usize) -> Vec<Ray> {
@@ -109,4 +133,25 @@ fn normal_of(mesh: &PlanarMesh, hit: &Hit, time: f32) -> (Vec3, f32) {
     );
     let normal = a.cross(b);
     (normal.normalize_or(Vec3::Z), normal.length().sqrt())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn orders_hold_every_ray_once() {
+        let rays: Vec<usize> = (0..12 * 20 * 4).collect();
+        let mut by_block = by_block(&rays, [12, 20], 4);
+        // A stratum of the first tile, of its neighbour, and of those below.
+        let first = [0, 64, 192, 256]
+            .into_iter()
+            .flat_map(|tile| tile..tile + 16);
+        assert!(first.eq(by_block[..64].iter().copied()));
+        let mut by_pixel = by_pixel(&rays, 4);
+        by_block.sort_unstable();
+        by_pixel.sort_unstable();
+        assert_eq!(by_block, rays);
+        assert_eq!(by_pixel, rays);
+    }
 }
