@@ -7,7 +7,6 @@
 
 pub mod brute;
 pub mod cell;
-pub mod cells16;
 pub mod deferred;
 mod enter;
 pub mod instance;

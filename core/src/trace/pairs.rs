@@ -13,9 +13,7 @@ use crate::bvh::block::CellRect;
 use crate::grid::PlanarMesh;
 
 /// Pairs that are kept.
-const MOST: usize = 64;
-/// Rays that there is always room for.
-pub const ROOM: usize = 24;
+const MOST: usize = 2 * PACKET;
 
 /// Where the group of a pair is.
 #[derive(Clone, Copy, Debug, Default)]
@@ -58,10 +56,10 @@ impl Pairs {
     /// True when there may be no room for the rays of another group.
     #[inline(always)]
     pub fn is_full(&self) -> bool {
-        self.count > MOST - ROOM
+        self.count > MOST - PACKET
     }
 
-    /// The first half for `rays`, one or more and at most [`ROOM`], which agree on axes and key, and the cells
+    /// The first half for `rays`, one or more, which agree on axes and key, and the cells
     /// `rect` of grid `g`, one group. [`Pairs::is_full`] is false.
     #[inline(always)]
     #[allow(clippy::too_many_arguments)] // one call, inlined

@@ -7,7 +7,6 @@
 use hdtrapeze_simd::{Float, Mask, Simd};
 
 use super::Hit;
-use super::cells16::test_group16;
 use super::enter::enter_packet;
 use super::packet::{All, CellRays, LANES, PACKET, Packet, Rays, VECTORS, part, split};
 use super::pairs::Pairs;
@@ -15,9 +14,6 @@ use super::traverse::Target;
 use crate::bvh::block::{CellRect, loose};
 use crate::bvh::object::loose_group;
 use crate::bvh::{Bounds8, Tree};
-
-/// A group is tested by single rays when fewer than this many of a vector reach it, else by all of them at once.
-const DENSE: u32 = 6;
 
 /// A subtree that waits: where the first ray enters it, reference, and rays.
 #[derive(Clone, Copy, Debug)]
@@ -277,61 +273,13 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
     ) {
         queries.count_cells(self.simd, rays, rect);
         if cells.agree {
-            for v in 0..VECTORS {
-                let lanes = part(rays, v);
-                if lanes.count_ones() >= DENSE {
-                    rays &= !(0xffff << (LANES * v));
-                    self.dense(grid, rect, v, lanes, cells, queries);
-                }
-            }
-            if rays != 0 {
-                self.pairs(grid, rect, rays, cells, pairs, queries);
-            }
+            self.pairs(grid, rect, rays, cells, pairs, queries);
         } else {
             while rays != 0 {
                 let ray = rays & rays.wrapping_neg();
                 rays &= rays - 1;
                 self.pairs(grid, rect, ray, cells, pairs, queries);
             }
-        }
-    }
-
-    /// Tests one group by all lanes of a vector.
-    #[inline(always)]
-    fn dense(
-        &self,
-        grid: u32,
-        rect: CellRect,
-        v: usize,
-        lanes: u32,
-        cells: &CellRays,
-        queries: &mut Queries,
-    ) {
-        let (simd, mesh, instance) = (self.simd, self.mesh, self.instance);
-        if B::MOVING {
-            test_group16::<S, true>(
-                simd,
-                cells,
-                v,
-                lanes,
-                mesh,
-                grid,
-                rect,
-                #[inline(always)]
-                |lane, cell, hit| queries.offer(LANES * v + lane, hit.of(instance, grid, cell)),
-            );
-        } else {
-            test_group16::<S, false>(
-                simd,
-                cells,
-                v,
-                lanes,
-                mesh,
-                grid,
-                rect,
-                #[inline(always)]
-                |lane, cell, hit| queries.offer(LANES * v + lane, hit.of(instance, grid, cell)),
-            );
         }
     }
 
