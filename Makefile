@@ -2,13 +2,15 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint format bench peers contact-sheet clean distclean
+.PHONY: help setup demo test lint format bench peers figures contact-sheet clean distclean
 
 PY := .venv/bin/python
 # Flags of `hdtrapeze record` for the demo: make demo DEMO_FLAGS="--samples 16"
 DEMO_FLAGS ?=
 # Flags of scripts/contact_sheet.py: make contact-sheet DIR=scenes SHEET_FLAGS="--width 480"
 SHEET_FLAGS ?=
+# Parts of the figures: make figures FIGURES="scale effects"
+FIGURES ?=
 # Flags of the comparison with Embree, see make peers PEERS_FLAGS=--help
 PEERS_FLAGS ?=
 
@@ -39,6 +41,10 @@ bench: ## Run the benches; figures go to the terminal
 
 peers: ## Our tracer beside Embree 3, where that is installed (apt-get install libembree3-3)
 	@cargo run --release --locked -p hdtrapeze-peers -- $(PEERS_FLAGS)
+
+figures: ## Measure again what docs/bvh.md shows; for an idle machine with 24 GiB
+	@scripts/setup.sh --tools --figures --no-build
+	@scripts/figures.sh $(FIGURES)
 
 contact-sheet: ## Render every USD file below DIR into one picture, out/contact_sheet.png
 	@scripts/setup.sh --tools

@@ -2,11 +2,12 @@
 
     scripts/absent_effects.py [--markdown FILE]
 
-Builds core's example `absent_effects`, whose scenes come in pairs that differ by an effect that changes nothing,
-and runs each under callgrind (of valgrind), which counts the instructions of the traced or rendered part alone. Counts
-do not depend on what else the machine does. Fails where a pair of which the second must cost what the first does
-differs by more than 0.1 %, or where they do not test the same nodes and micropolygons. Valgrind knows no AVX-512: AVX2 and
-plain instructions are counted. Without valgrind (Debian: `apt-get install valgrind`) nothing is counted.
+Builds core's example `absent_effects`, whose scenes come in pairs that differ by an effect that
+changes nothing, and runs each under callgrind (of valgrind), which counts the instructions of the
+traced or rendered part alone. Counts do not depend on what else the machine does. Fails where a
+pair of which the second must cost what the first does differs by more than 0.1 %, or where they do
+not test the same nodes and micropolygons. Valgrind knows no AVX-512: AVX2 and plain instructions
+are counted. Without valgrind (Debian: `apt-get install valgrind`) nothing is counted.
 """
 
 import argparse
@@ -36,15 +37,8 @@ class Pair:
 
 TRACED = [
     Pair("static", "static, rays with times"),
-    Pair(
-        "static, a still thing beside",
-        "static, a thing of moving points beside",
-        "the top node has second bounds; the set's own nodes have none",
-    ),
-    Pair(
-        "static, a thing of moving points beside",
-        "static, a thing with a moving matrix beside",
-    ),
+    Pair("static, a still thing beside", "static, a thing of moving points beside"),
+    Pair("static, a still thing beside", "static, a thing with a moving matrix beside"),
 ]
 IMAGES = [
     Pair("still", "still, samples that are equal"),
@@ -96,13 +90,16 @@ def main() -> int:
         return 0
     build = ["cargo", "build", "--release", "--locked", "-p", "hdtrapeze-core"]
     subprocess.run([*build, "--example", "absent_effects"], cwd=ROOT, check=True)
-    ways = [(f"{way} ", level) for level in ("avx2", "scalar") for way in ("packets", "single", "any")]
+    ways = [
+        (f"{way} ", level) for level in ("avx2", "scalar") for way in ("packets", "single", "any")
+    ]
     pairs = [(way, level, pair) for way, level in ways for pair in TRACED]
     pairs += [("image ", "avx2", pair) for pair in IMAGES + USED]
     lines = [
         "### Instructions of effects that are absent",
         "",
-        "Counted by callgrind: thousands, of 4096 rays, or of an image of 48 x 48 pixels with 16 samples.",
+        "`scripts/absent_effects.py`: thousands, counted by callgrind, of 4096 rays, or an image",
+        "of 48 x 48 pixels with 16 samples.",
         "",
         "| what | with | without the effect | | with it | | difference | |",
         "|---|---|---|---|---|---|---|---|",
@@ -120,10 +117,8 @@ def main() -> int:
             if not same or (not pair.because and abs(differ) > LIMIT):
                 failed.append(f"{way}{pair.second}, {level}")
             thousands = [f"{c.instructions / 1000:.1f}" for c in (first, second)]
-            lines.append(
-                f"| {way.strip()} | {level} | {pair.first} | {thousands[0]} | {pair.second} | {thousands[1]} "
-                f"| {differ:+.3%} | {pair.because} |"
-            )
+            cells = [way.strip(), level, pair.first, thousands[0], pair.second, thousands[1]]
+            lines.append(f"| {' | '.join([*cells, f'{differ:+.3%}', pair.because])} |")
     text = "\n".join(lines) + "\n"
     print(text)
     if file:

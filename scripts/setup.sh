@@ -3,6 +3,7 @@
 #
 #   scripts/setup.sh             what `make demo` needs
 #   scripts/setup.sh --tools     also what `make test` needs (rustfmt, clippy, pytest, ruff, ...)
+#   scripts/setup.sh --figures   also what `make figures` needs (matplotlib)
 #   scripts/setup.sh --no-build  without the release build
 #
 # Safe to run again: each step looks first, and a prepared checkout takes about a second. Exits
@@ -12,10 +13,11 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 root=$PWD
 
-tools=0 build=1
+tools=0 figures=0 build=1
 for arg in "$@"; do
     case $arg in
     --tools) tools=1 ;;
+    --figures) figures=1 ;;
     --no-build) build=0 ;;
     *) echo "setup: unknown option $arg" >&2 && exit 2 ;;
     esac
@@ -133,6 +135,7 @@ install_once() {
     printf '%s\n' "$text" >"$stamp"
 }
 install_once run scripts/requirements.txt
+if [ $figures = 1 ]; then install_once figures scripts/requirements-figures.txt; fi
 if [ $tools = 1 ]; then install_once dev scripts/requirements.txt scripts/requirements-dev.txt; fi
 
 # --- Release build and the command ---------------------------------------------------------------

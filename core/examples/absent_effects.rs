@@ -31,11 +31,11 @@ fn measured<R>(f: impl FnOnce() -> R) -> R {
     black_box(f())
 }
 
-/// Six sheets one above the other, and perhaps something beside them that no ray meets.
+/// Seven sheets one above the other, and perhaps something beside them that no ray meets.
 fn world(beside: Option<(DicedMesh, InstanceTransform)>) -> World {
     let still = object(sheet(3, 16, &keys(1)));
     let at = |i: u32| InstanceTransform::Translation(DVec3::new(0.02, 0.03, -0.4) * f64::from(i));
-    let mut list: Vec<_> = (0..6).map(|i| instance(&still, at(i))).collect();
+    let mut list: Vec<_> = (0..7).map(|i| instance(&still, at(i))).collect();
     list.extend(beside.map(|(mesh, place)| instance(&object(mesh), place)));
     World::build(list, DVec3::ZERO)
 }

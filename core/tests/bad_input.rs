@@ -21,10 +21,13 @@ fn answers(world: &World, rays: &[Ray]) -> Vec<Hit> {
         let world = world.clone().with_level(level);
         let mut many = vec![Hit::MISS; rays.len()];
         world.trace_many(rays, &mut many, &mut none.clone());
+        let mut some = vec![false; rays.len()];
+        world.occluded_many(rays, &mut some, &mut none.clone());
         for (i, (ray, want)) in rays.iter().zip(&expected).enumerate() {
             let told = || format!("{} {ray:?}", level.name());
             assert_eq!(trace(&world, ray), *want, "alone {}", told());
             assert_eq!(many[i], *want, "of many {}", told());
+            assert_eq!(some[i], want.is_hit(), "any of many {}", told());
             let any = world.occluded(ray, &mut none.clone());
             assert_eq!(any, want.is_hit(), "any {}", told());
             // Among copies of another ray: in one packet of sixteen, and in some full ones.

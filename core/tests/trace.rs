@@ -111,6 +111,43 @@ fn instances_agree_with_the_oracle() {
     }
 }
 
+/// Many instances that stand still, and few that move: these have a tree of their own.
+fn few_movers(movers: u32) -> World {
+    let (still, moving) = (
+        object(patches(3, 5, &keys(1), 8)),
+        object(patches(2, 5, &keys(3), 9)),
+    );
+    let mut rng = Rng(10);
+    let mut at = || rng.cube().as_dvec3() * 1.5;
+    let mut list: Vec<WorldInstance> = (0..60)
+        .map(|_| instance(&still, InstanceTransform::Translation(at())))
+        .collect();
+    for i in 0..movers {
+        let place = match i % 2 {
+            0 => InstanceTransform::Translation(at()),
+            _ => spinning(3, 0.9, DVec3::ONE, at()),
+        };
+        list.insert(5 * i as usize, instance(&moving, place));
+    }
+    World::build(list, DVec3::ZERO)
+}
+
+#[test]
+fn few_that_move_among_many_agree_with_the_oracle() {
+    for movers in [1, 2, 7, 12] {
+        let world = few_movers(movers);
+        assert!(check(&world, &mut Rng(11), Vec3::ZERO, 2.0, 700) > 100);
+        // Some of what is hit moves.
+        let mut rng = Rng(12);
+        let hits = (0..3000).filter(|_| {
+            let ray = random_ray(&mut rng, Vec3::ZERO, 2.0);
+            let hit = world.trace(&ray, &mut TraceCounts::default());
+            hit.is_hit() && hit.instance % 5 == 0 && hit.instance < 5 * movers
+        });
+        assert!(hits.count() > 5, "{movers}");
+    }
+}
+
 #[test]
 fn far_offsets_lose_nothing() {
     // The same rays against the same world, 1e7 away: the same hits, since the world's origin
@@ -282,6 +319,7 @@ fn order_and_batches_change_nothing() {
 fn instruction_sets_and_packets_give_the_same_hits() {
     // Packets that hold together, and packets of rays that have nothing to do with each other.
     let worlds = [
+        few_movers(5),
         world_of(sheet(6, 16, &keys(1))),
         world_of(sheet(6, 16, &keys(2))),
         world_of(patches(60, 8, &keys(3), 5)),

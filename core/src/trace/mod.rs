@@ -11,6 +11,7 @@ pub mod deferred;
 mod enter;
 pub mod instance;
 mod late;
+mod movers;
 pub mod object_ray;
 pub mod packet;
 mod pairs;

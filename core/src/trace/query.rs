@@ -11,12 +11,13 @@ use hdtrapeze_simd::{Kernel, Simd};
 
 use super::instance::{INSTANCE_PAD, NEAR_CONDITION};
 use super::late::Late;
+use super::movers::{Movers, MoversMany};
 use super::object_ray::{ObjectRay, SLAB_PAD};
 use super::packet::{LANES, PACKET, Packet, Rays, VECTORS, part, split};
 use super::sides::Side;
 use super::traverse::{Query, Stack, Target, slab_time, walk};
 use super::traverse_packet::{Queries, Room, walk_packet};
-use super::world::{Numbered, TopTree, World, clamp_time};
+use super::world::{MOVERS, Numbered, TopTree, World, clamp_time};
 use super::{Hit, Ray, TraceCounts};
 use crate::bvh::object::Blas;
 use crate::bvh::{Bounds8, ObjectGeometry, Tree};
@@ -167,13 +168,16 @@ impl World {
             packed[v].time[lane] = clamp_time(ray.time);
         }
         let packed = &packed[..rays.len().div_ceil(LANES)];
-        match &self.top {
+        let late = match &self.top {
             TopTree::Static(tree) => {
-                self.top_packet::<S, _, false>(simd, tree, packed, lanes, &mut queries, room);
+                self.top_packet::<S, _, false>(simd, tree, packed, lanes, &mut queries, room)
             }
             TopTree::Moving(tree) => {
-                self.top_packet::<S, _, true>(simd, tree, packed, lanes, &mut queries, room);
+                self.top_packet::<S, _, true>(simd, tree, packed, lanes, &mut queries, room)
             }
+        };
+        if !late.is_empty() {
+            self.finish_packet(simd, late, packed, &mut queries, room);
         }
         for (i, (hit, counts)) in hits.iter_mut().zip(counts).enumerate().take(PACKET) {
             let (v, lane) = split(i);
@@ -187,8 +191,9 @@ impl World {
         }
     }
 
+    /// Gives the instances that rays came to, and whose objects are not made.
     #[inline(always)]
-    fn top_packet<S: Simd, B: Bounds8, const MOVING: bool>(
+    pub(super) fn top_packet<S: Simd, B: Bounds8, const MOVING: bool>(
         &self,
         simd: S,
         tree: &Tree<B>,
@@ -196,7 +201,8 @@ impl World {
         lanes: u64,
         queries: &mut Queries,
         room: &mut Room,
-    ) {
+    ) -> Vec<Late> {
+        let mut late = Vec::new();
         if tree.root & Tree::<B>::LEAF != 0 && tree.root != Tree::<B>::EMPTY {
             // A single instance, which bounds rays itself.
             let item = tree.root & !Tree::<B>::LEAF;
@@ -204,11 +210,9 @@ impl World {
                 Some(object) => {
                     self.inside_packet(simd, object, item, rays, lanes, queries, room);
                 }
-                None => {
-                    self.finish_packet(simd, vec![Late { item, lanes }], rays, queries, room);
-                }
+                None => late.push(Late { item, lanes }),
             }
-            return;
+            return late;
         }
         // The pads of `query_top`.
         let mut pads = [[0.0; LANES]; VECTORS];
@@ -218,7 +222,6 @@ impl World {
             }
         }
         let packet = Packet::new::<MOVING>(simd, rays, lanes, 0.0, Some(&pads));
-        let mut late = Vec::new();
         walk_packet(
             simd,
             tree,
@@ -226,16 +229,26 @@ impl World {
             queries,
             room,
             #[inline(always)]
-            |item, lanes, queries, room| match self.find(item).0.set.made() {
-                Some(object) => {
-                    self.inside_packet(simd, object, item, rays, lanes, queries, room);
+            |item, lanes, queries, room| {
+                if !B::MOVING && item == MOVERS {
+                    late.extend(self.level.run(MoversMany {
+                        world: self,
+                        rays,
+                        lanes,
+                        queries,
+                        room,
+                    }));
+                    return;
                 }
-                None => late.push(Late { item, lanes }),
+                match self.find(item).0.set.made() {
+                    Some(object) => {
+                        self.inside_packet(simd, object, item, rays, lanes, queries, room);
+                    }
+                    None => late.push(Late { item, lanes }),
+                }
             },
         );
-        if !late.is_empty() {
-            self.finish_packet(simd, late, rays, queries, room);
-        }
+        late
     }
 
     /// Traces the rays `lanes` through an instance of `object`.
@@ -311,7 +324,7 @@ impl World {
 
     /// Gives the instances that the ray came to, and whose objects are not made.
     #[inline(always)]
-    fn query_top<S: Simd, B: Bounds8, const CULL: bool>(
+    pub(super) fn query_top<S: Simd, B: Bounds8, const CULL: bool>(
         &self,
         simd: S,
         tree: &Tree<B>,
@@ -336,11 +349,23 @@ impl World {
             stack,
             counts,
             #[inline(always)]
-            |item, query, stack, counts| match self.find(item).0.set.made() {
-                Some(object) => {
-                    self.inside::<CULL>(object, item, ray, time, query, stack, counts);
+            |item, query, stack, counts| {
+                if !B::MOVING && item == MOVERS {
+                    late.extend(self.level.run(Movers::<'_, CULL> {
+                        world: self,
+                        ray,
+                        query,
+                        stack,
+                        counts,
+                    }));
+                    return;
                 }
-                None => late.push(Late { item, lanes: 1 }),
+                match self.find(item).0.set.made() {
+                    Some(object) => {
+                        self.inside::<CULL>(object, item, ray, time, query, stack, counts);
+                    }
+                    None => late.push(Late { item, lanes: 1 }),
+                }
             },
         );
         late

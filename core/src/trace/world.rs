@@ -49,11 +49,21 @@ impl Numbered {
     }
 }
 
+/// The tree over instances: of the static kind where none moves, and also where only few do. These have a tree of
+/// their own then, which is one item of the other, so that the nodes over all that is still store no second bounds,
+/// and rays that do not come near what moves never ask for it.
 #[derive(Clone, Debug)]
 pub(super) enum TopTree {
     Static(Tree<StaticSlabs>),
     Moving(Tree<LinearSlabs>),
 }
+
+/// Item of a static tree over instances that stands for all that move; no instance has this number.
+pub(super) const MOVERS: u32 = Tree::<StaticSlabs>::LEAF - 1;
+
+/// Those that move have a tree of their own where they are no more than one in so many. Their common box holds
+/// all of them at all times: where they are many, every ray would come by.
+const FEW_MOVERS: usize = 8;
 
 /// Everything rays can hit.
 #[derive(Clone, Debug)]
@@ -62,6 +72,8 @@ pub struct World {
     /// The set of each instance.
     set_of: Vec<u32>,
     pub(super) top: TopTree,
+    /// The item [`MOVERS`] of a static tree; elsewhere empty.
+    pub(super) movers: Tree<LinearSlabs>,
     pub(super) origin: DVec3,
     /// Bounds every instance's bounds, translation, and `sqrt(3) |M| radius`.
     pub(super) radius: f32,
@@ -140,7 +152,7 @@ impl World {
     pub fn new(sets: Vec<WorldSet>, world_origin: DVec3) -> Result<World, WorldError> {
         let total: u64 = sets.iter().map(|s| s.set.len() as u64).sum();
         let error = WorldError(total);
-        if total >= u64::from(Tree::<StaticSlabs>::LEAF) {
+        if total >= u64::from(MOVERS) {
             return Err(error);
         }
         let mut set_of: Vec<u32> = Vec::new();
@@ -189,15 +201,23 @@ impl World {
             .par_iter()
             .map(|item| item.bounds.max_abs())
             .reduce(|| reach, f32::max);
+        let mut moving: Vec<Item> = Vec::new();
+        let movers = items.iter().filter(|item| !item.bounds.is_static()).count();
+        if movers * FEW_MOVERS <= items.len() {
+            moving.extend(items.extract_if(.., |item| !item.bounds.is_static()));
+            items.extend(common(&moving));
+        }
         let top = if items.iter().all(|item| item.bounds.is_static()) {
             TopTree::Static(build_items(items, Nodes::Full, None))
         } else {
             TopTree::Moving(build_items(items, Nodes::Full, None))
         };
+        let movers = build_items(moving, Nodes::Full, None);
         Ok(World {
             sets: numbered,
             set_of,
             top,
+            movers,
             origin: world_origin,
             radius,
             condition,
@@ -264,11 +284,32 @@ impl World {
             object: objects
                 .iter()
                 .fold(BvhStats::default(), |s, o| s.plus(o.stats())),
-            top_nodes: top_nodes as u64,
-            top_bytes: (tree_bytes + places + size_of_val(self.set_of.as_slice())) as u64,
+            top_nodes: (top_nodes + self.movers.nodes.len()) as u64,
+            top_bytes: (tree_bytes
+                + self.movers.bytes()
+                + places
+                + size_of_val(self.set_of.as_slice())) as u64,
             instanced_cells: self.sets.iter().map(cells).sum(),
         }
     }
+}
+
+/// All that move as one item that does not; none where nothing moves.
+fn common(moving: &[Item]) -> Option<Item> {
+    let all = moving.iter().map(|item| item.bounds);
+    let all = all.reduce(|a, b| a.union(&b))?;
+    let (lo, hi) = (all.lo0.min(all.lo1), all.hi0.max(all.hi1));
+    let bounds = LinearBox {
+        lo0: lo,
+        hi0: hi,
+        lo1: lo,
+        hi1: hi,
+    };
+    Some(Item {
+        bounds,
+        id: MOVERS,
+        along: Vec3::ZERO,
+    })
 }
 
 /// Time in [0, 1]; NaN becomes 0.

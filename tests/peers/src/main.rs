@@ -46,12 +46,14 @@ hdtrapeze-peers: our tracer beside Embree 3, on the same micropolygons and rays
   --cpu            rates by processor time, not by the clock on the wall
   --alone          without Embree
   --markdown FILE  writes the tables there too
+  --json FILE      writes numbers of ours there, for scripts/plot_scale.py
 ";
 
 struct Arguments {
     options: Options,
     families: Vec<Family>,
     markdown: Option<String>,
+    json: Option<String>,
 }
 
 fn variant(shape: Shape, high: bool, compact: bool) -> Variant {
@@ -76,7 +78,8 @@ fn arguments(mut args: impl Iterator<Item = String>) -> Result<Arguments, String
         screen: 16,
         alone: false,
     };
-    let (mut families, mut markdown, mut largest) = (Family::ALL.to_vec(), None, false);
+    let (mut families, mut largest) = (Family::ALL.to_vec(), false);
+    let (mut markdown, mut json) = (None, None);
     while let Some(arg) = args.next() {
         let mut value = || args.next().ok_or(format!("{arg} needs a value"));
         match arg.as_str() {
@@ -112,6 +115,7 @@ fn arguments(mut args: impl Iterator<Item = String>) -> Result<Arguments, String
             "--alone" => options.alone = true,
             "--cpu" => options.clock = Clock::Cpu,
             "--markdown" => markdown = Some(value()?),
+            "--json" => json = Some(value()?),
             _ => return Err(format!("no option {arg}\n\n{USAGE}")),
         }
     }
@@ -144,6 +148,7 @@ fn arguments(mut args: impl Iterator<Item = String>) -> Result<Arguments, String
         options,
         families,
         markdown,
+        json,
     })
 }
 
@@ -175,8 +180,11 @@ fn run(arguments: &Arguments) -> Result<(), String> {
     let tables = report::tables(&reports);
     print!("{tables}");
     text += &tables;
-    if let Some(file) = &arguments.markdown {
-        std::fs::write(file, &text).map_err(|e| format!("{file}: {e}"))?;
+    let json = report::numbers(&reports);
+    for (file, text) in [(&arguments.markdown, &text), (&arguments.json, &json)] {
+        if let Some(file) = file {
+            std::fs::write(file, text).map_err(|e| format!("{file}: {e}"))?;
+        }
     }
     Ok(())
 }

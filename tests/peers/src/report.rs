@@ -72,6 +72,31 @@ pub fn line(report: &Report) -> String {
     )
 }
 
+/// Ours in JSON, a line a scene: sizes, best rates, bytes of the hierarchy a micropolygon, peak bytes of the process
+/// while building and in all, nodes and micropolygons tested a ray.
+pub fn numbers(reports: &[Report]) -> String {
+    let line = |r: &Report| {
+        let [building, whole] = r.peaks;
+        format!(
+            "{{\"scene\": \"{}\", \"family\": \"{}\", \"moving\": {}, \"micropolygons\": {}, \
+             \"build_mquads\": {}, \"mrays\": {}, \"bytes\": {}, \"peak_building\": {building}, \
+             \"peak\": {whole}, \"nodes\": {}, \"tested\": {}, \"threads\": {}}}",
+            r.name,
+            r.family.name(),
+            r.moving,
+            r.cells,
+            best(&r.ours.builds),
+            r.ours.rate(Group::Camera),
+            r.ours.bytes,
+            r.nodes,
+            r.tested,
+            rayon::current_num_threads(),
+        )
+    };
+    let lines: Vec<String> = reports.iter().map(line).collect();
+    format!("[\n{}\n]\n", lines.join(",\n"))
+}
+
 /// All tables, in Markdown.
 pub fn tables(reports: &[Report]) -> String {
     let all = [

@@ -1,0 +1,57 @@
+#!/usr/bin/env bash
+# Measures again all that docs/bvh.md shows, into docs/figures. For an idle machine with 24 GiB; takes an
+# hour or so on two cores. What is not installed is left out: Embree's columns, instruction counts.
+#
+#   scripts/figures.sh          everything
+#   scripts/figures.sh NAME...  of: peers, largest, scale, effects, hunts
+set -euo pipefail
+cd "$(dirname "$0")/.."
+out=docs/figures
+mkdir -p $out
+
+# What ran, where and when, above a table.
+told() {
+    local cpu
+    cpu=$(sed -n 's/^model name[^:]*: //p' /proc/cpuinfo 2>/dev/null | head -n1)
+    printf '`%s`, %s, %s threads, %s.\n\n' "$1" "${cpu:-unknown processor}" "$(nproc)" "$(date +%F)"
+}
+
+# compare FILE FLAGS...: the bench beside Embree.
+compare() {
+    local file=$1 table
+    shift
+    table=$(mktemp)
+    cargo run --release --locked -q -p hdtrapeze-peers -- "$@" --markdown "$table"
+    { told "make peers PEERS_FLAGS=\"$*\"" && cat "$table"; } >"$file"
+    rm -f "$table"
+}
+
+peers() {
+    compare $out/peers-1m.md --size 1
+    compare $out/peers-16m.md --size 16
+}
+
+largest() { compare $out/largest.md --largest; }
+
+scale() { .venv/bin/python scripts/plot_scale.py; }
+
+effects() { .venv/bin/python scripts/absent_effects.py --markdown $out/absent_effects.md; }
+
+hunts() {
+    local log
+    log=$(mktemp)
+    HDTRAPEZE_HUNT=100 cargo test --locked -q -p hdtrapeze-core --test hunt -- \
+        --nocapture --test-threads=1 | tee "$log"
+    {
+        printf '### Hunts for counterexamples\n\n'
+        told "HDTRAPEZE_HUNT=100 cargo test -p hdtrapeze-core --test hunt -- --nocapture"
+        printf 'Of a pad, the most that any candidate used; above 1, a bound would not hold.\n\n'
+        printf '| what | most used | candidates |\n|---|---|---|\n'
+        sed -nE 's/^\.*(.*): worst ([0-9.-]+) of the pad, ([0-9]+) tried$/| \1 | \2 | \3 |/p' "$log"
+    } >$out/hunts.md
+    rm -f "$log"
+}
+
+for name in "${@:-peers largest scale effects hunts}"; do
+    for part in $name; do "$part"; done
+done

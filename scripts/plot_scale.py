@@ -1,0 +1,162 @@
+"""Runs the comparison's scenes in growing sizes, and shows how cost grows with them.
+
+    scripts/plot_scale.py [--sizes M ...] [--scene NAME] [--out DIR] [--peers FLAGS]
+                          [--binary FILE]
+
+Each size is a process of its own, so that peaks of memory are its own. Without `--sizes`, millions
+of micropolygons go from 1 fourfold to 16, and last to 48.9, the largest. Embree is left out.
+DIR (docs/figures) gets scale.md, a table with the slopes, and, where matplotlib is installed
+(scripts/requirements-figures.txt), scale.png, both axes logarithmic.
+"""
+
+import argparse
+import datetime
+import json
+import math
+import platform
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+# Millions; the last is 437 x 437 grids of 16 x 16.
+SIZES = [1.0, 4.0, 16.0, (437 / 62.5) ** 2]
+GIB = 1 << 30
+
+
+def measure(bench: list[str], millions: float, scene: str, flags: list[str]) -> list[dict]:
+    """What the bench finds out about one size: a still scene and a moving one."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "numbers.json"
+        command = ["--alone", "--scene", scene, "--size", str(millions), "--json", str(file)]
+        done = subprocess.run(
+            [*bench, *command, *flags], cwd=ROOT, check=False, stdout=subprocess.DEVNULL
+        )
+        if done.returncode:
+            sys.exit(f"plot_scale: {millions:g} million: the bench failed with {done.returncode}")
+        return json.loads(file.read_text())
+
+
+def slope(rows: list[dict], value: str) -> float:
+    """Exponent of growth from the smallest size to the largest."""
+    first, last = rows[0], rows[-1]
+    grown = math.log(last["micropolygons"] / first["micropolygons"])
+    return math.log(last[value] / first[value]) / grown if grown else math.nan
+
+
+def derive(row: dict) -> None:
+    """Adds what is plotted: seconds of a build and of a ray."""
+    row["build_seconds"] = row["micropolygons"] / row["build_mquads"] * 1e-6
+    row["ray_microseconds"] = 1 / row["mrays"]
+
+
+def processor() -> str:
+    """What this machine calls its processor."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        lines = []
+    names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor() or "unknown processor"
+
+
+def table(rows: list[dict], command: str) -> str:
+    """The table, in Markdown."""
+    by_motion = [[r for r in rows if r["moving"] == moving] for moving in (False, True)]
+    header = "scene, M quads, build s, Mquads/s, Mrays/s, nodes/ray, tested/ray, B/quad"
+    header = [*header.split(", "), "GiB building", "GiB peak"]
+    lines = [
+        "### Cost against size",
+        "",
+        f"`{command}`, {processor()}, {rows[0]['threads']} threads, {datetime.date.today()}.",
+        "Rates are the best of the rounds; camera rays with lens and time. Peaks are of the whole",
+        "process, with the mesh that is built from and the rays.",
+        "",
+        f"| {' | '.join(header)} |",
+        f"|{'---|' * len(header)}",
+    ]
+    for row in (row for part in by_motion for row in part):
+        cells = [row["scene"], f"{row['micropolygons'] * 1e-6:.1f}", f"{row['build_seconds']:.3f}"]
+        cells += [f"{row['build_mquads']:.1f}", f"{row['mrays']:.2f}", f"{row['nodes']:.1f}"]
+        cells += [f"{row['tested']:.1f}", f"{row['bytes']:.2f}"]
+        cells += [f"{row[peak] / GIB:.2f}" for peak in ("peak_building", "peak")]
+        lines.append(f"| {' | '.join(cells)} |")
+    lines += [""]
+    for part in by_motion:
+        build, ray = slope(part, "build_seconds"), slope(part, "ray_microseconds")
+        lines += [
+            f"{part[0]['scene'].capitalize()}, from the smallest to the largest: the time of a",
+            f"build grows as size to the power of {build:.2f} (1 is linear), that of a ray to the",
+            f"power of {ray:.2f} (0 is constant).",
+            "",
+        ]
+    return "\n".join(lines)
+
+
+def plot(rows: list[dict], file: Path) -> bool:
+    """The picture; False without matplotlib."""
+    try:
+        import matplotlib as mpl
+    except ImportError:
+        return False
+    mpl.use("Agg")
+    from matplotlib import pyplot as plt
+
+    shown = [
+        ("build_seconds", "build, seconds"),
+        ("ray_microseconds", "a ray, microseconds"),
+        ("peak", "peak memory, GiB"),
+    ]
+    figure, axes = plt.subplots(1, len(shown), figsize=(12, 4), layout="constrained")
+    for axis, (value, title) in zip(axes, shown, strict=True):
+        for moving, color in ((False, "tab:blue"), (True, "tab:orange")):
+            part = [r for r in rows if r["moving"] == moving]
+            sizes = [r["micropolygons"] * 1e-6 for r in part]
+            unit = GIB if value == "peak" else 1
+            values = [r[value] / unit for r in part]
+            axis.loglog(sizes, values, "o-", color=color, label=part[0]["scene"])
+            if value != "ray_microseconds":
+                linear = [values[0] * size / sizes[0] for size in sizes]
+                axis.loglog(sizes, linear, ":", color=color, label="linear")
+            else:
+                growth = [math.log(s * 1e6) / math.log(sizes[0] * 1e6) for s in sizes]
+                logarithmic = [values[0] * g for g in growth]
+                axis.loglog(sizes, logarithmic, ":", color=color, label="logarithmic")
+        axis.set(title=title, xlabel="million micropolygons")
+        axis.grid(visible=True, which="both", alpha=0.3)
+        axis.legend()
+    figure.savefig(file, dpi=120)
+    return True
+
+
+def main() -> None:
+    """Measures, writes and prints."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--sizes", type=float, nargs="+", default=SIZES, help="millions")
+    parser.add_argument("--scene", default="sheet", help="sheet, patches or fur")
+    parser.add_argument("--out", type=Path, default=ROOT / "docs/figures")
+    parser.add_argument("--peers", default="", help="more flags for the bench, in one string")
+    parser.add_argument("--binary", help="the bench, where it is built already")
+    options = parser.parse_args()
+    build = ["cargo", "run", "--release", "--locked", "-q", "-p", "hdtrapeze-peers", "--"]
+    bench = [options.binary] if options.binary else build
+    rows: list[dict] = []
+    for millions in sorted(options.sizes):
+        rows += measure(bench, millions, options.scene, options.peers.split())
+    for row in rows:
+        derive(row)
+    options.out.mkdir(parents=True, exist_ok=True)
+    # As it was called, but for where the result goes.
+    told = [f"--sizes {' '.join(f'{s:g}' for s in sorted(options.sizes))}"]
+    told += [f"--scene {options.scene}"] if options.scene != "sheet" else []
+    told += [f'--peers "{options.peers}"'] if options.peers else []
+    text = table(rows, " ".join(["scripts/plot_scale.py", *told]))
+    (options.out / "scale.md").write_text(text)
+    print(text)
+    if not plot(rows, options.out / "scale.png"):
+        print("plot_scale: no picture: matplotlib is not installed (pip install matplotlib)")
+
+
+if __name__ == "__main__":
+    main()
