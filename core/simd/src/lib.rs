@@ -58,6 +58,11 @@ pub trait Float<const N: usize>:
 
 /// An instruction set, known to be there.
 pub trait Simd: Copy + Debug {
+    /// Runs a part of a kernel that is compiled on its own, once for all who ask for it: for what is large and
+    /// used in several places.
+    fn apart<P: Part<Self>>(self, part: P) -> P::Output
+    where
+        Self: Sized;
     /// 8 floats.
     type F8: Float<8>;
     /// 16 floats.
@@ -126,6 +131,14 @@ pub trait Kernel {
     type Output;
     /// Computes it. Give it `#[inline(always)]`.
     fn run<S: Simd>(self, simd: S) -> Self::Output;
+}
+
+/// A part of a computation, for one instruction set; see [`Simd::apart`].
+pub trait Part<S: Simd> {
+    /// What it computes.
+    type Output;
+    /// Computes it. Give it `#[inline(always)]`.
+    fn run(self, simd: S) -> Self::Output;
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]

@@ -2,7 +2,7 @@
 
 use std::ops::{Add, BitAnd, BitOr, Mul, Neg, Sub};
 
-use super::{Float, Mask, Simd};
+use super::{Float, Mask, Part, Simd};
 
 /// No instructions beyond those of the target.
 #[derive(Clone, Copy, Debug)]
@@ -133,7 +133,15 @@ impl<const N: usize> Float<N> for Array<N> {
     }
 }
 
+#[inline(never)]
+fn apart<P: Part<Scalar>>(part: P) -> P::Output {
+    part.run(Scalar)
+}
+
 impl Simd for Scalar {
+    fn apart<P: Part<Self>>(self, part: P) -> P::Output {
+        apart(part)
+    }
     type F8 = Array<8>;
     type F16 = Array<16>;
     type M16 = Bits;

@@ -7,7 +7,7 @@
 use std::arch::x86_64::*;
 use std::ops::{Add, BitAnd, BitOr, Mul, Neg, Sub};
 
-use super::{Float, Kernel, Mask, Simd};
+use super::{Float, Kernel, Mask, Part, Simd};
 
 pub(crate) fn has_avx2() -> bool {
     is_x86_feature_detected!("avx2")
@@ -46,6 +46,18 @@ fn avx2<K: Kernel>(kernel: K) -> K::Output {
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt,avx512f,avx512bw,avx512dq,avx512vl")]
 fn avx512<K: Kernel>(kernel: K) -> K::Output {
     kernel.run(Avx512(()))
+}
+
+#[inline(never)]
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+fn avx2_apart<P: Part<Avx2>>(part: P) -> P::Output {
+    part.run(Avx2(()))
+}
+
+#[inline(never)]
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt,avx512f,avx512bw,avx512dq,avx512vl")]
+fn avx512_apart<P: Part<Avx512>>(part: P) -> P::Output {
+    part.run(Avx512(()))
 }
 
 /// An expression of intrinsics.
@@ -588,6 +600,10 @@ macro_rules! fours512 {
 }
 
 impl Simd for Avx2 {
+    #[inline(always)]
+    fn apart<P: Part<Self>>(self, part: P) -> P::Output {
+        x86!(avx2_apart(part))
+    }
     type F8 = F256;
     type F16 = Pair;
     type M16 = PairMask;
@@ -702,6 +718,10 @@ fn permuted(at: &[i32; 16], x: F512) -> F512 {
 }
 
 impl Simd for Avx512 {
+    #[inline(always)]
+    fn apart<P: Part<Self>>(self, part: P) -> P::Output {
+        x86!(avx512_apart(part))
+    }
     type F8 = F256;
     type F16 = F512;
     type M16 = M512;

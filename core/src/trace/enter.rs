@@ -1,6 +1,6 @@
 //! Slab tests of a packet against the children of a node, which are decoded once for all rays.
 
-use hdtrapeze_simd::{Float, Mask, Simd};
+use hdtrapeze_simd::{Float, Mask, Part, Simd};
 
 use super::packet::{All, LANES, Lanes, Slabs, VECTORS, part};
 use crate::bvh::Bounds8;
@@ -67,10 +67,42 @@ pub fn enter_packet<S: Simd, B: Bounds8>(
     t_min: &All,
     t_max: &All,
 ) -> Entered {
-    if lanes.count_ones() < MANY {
-        enter_each(simd, bounds, valid, slabs, lanes, t_min, t_max)
-    } else {
-        enter_all(simd, bounds, valid, slabs, lanes, t_min, t_max)
+    simd.apart(Enter::<S, B> {
+        bounds,
+        valid,
+        slabs,
+        lanes,
+        t_min,
+        t_max,
+    })
+}
+
+struct Enter<'a, S: Simd, B> {
+    bounds: &'a B,
+    valid: u32,
+    slabs: &'a [Slabs<S::F16>; VECTORS],
+    lanes: u64,
+    t_min: &'a All,
+    t_max: &'a All,
+}
+
+impl<S: Simd, B: Bounds8> Part<S> for Enter<'_, S, B> {
+    type Output = Entered;
+    #[inline(always)]
+    fn run(self, simd: S) -> Entered {
+        let Self {
+            bounds,
+            valid,
+            slabs,
+            lanes,
+            t_min,
+            t_max,
+        } = self;
+        if lanes.count_ones() < MANY {
+            enter_each(simd, bounds, valid, slabs, lanes, t_min, t_max)
+        } else {
+            enter_all(simd, bounds, valid, slabs, lanes, t_min, t_max)
+        }
     }
 }
 
