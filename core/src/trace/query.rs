@@ -1,5 +1,4 @@
-//! Queries: rays through the tree over instances, and from there through objects, one by one or sixteen
-//! at a time.
+//! Queries: rays through the tree over instances, and from there through objects, one by one or in packets.
 //!
 //! Everything is written for any instruction set. The trees of objects are kernels of their own, so that
 //! each is compiled once for a set, whatever tree stands above it.
