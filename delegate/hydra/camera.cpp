@@ -1,0 +1,180 @@
+#include "camera.h"
+
+#include "numbers.h"
+#include "renderParam.h"
+#include "samples.h"
+
+#include "pxr/imaging/hd/renderIndex.h"
+#include "pxr/imaging/hd/sceneDelegate.h"
+
+#include <cmath>
+
+PXR_NAMESPACE_OPEN_SCOPE
+
+namespace {
+
+TF_DEFINE_PRIVATE_TOKENS(_tokens, (linearExposureScale));
+
+double _Number(VtValue const& value, double fallback) {
+    VtValue const number = VtValue::Cast<double>(value);
+    return number.IsHolding<double>() ? number.UncheckedGet<double>() : fallback;
+}
+
+// Hydra's cameras have an exposure in stops; newer ones a factor that stands for all of it.
+double _ExposureScale(HdSceneDelegate* delegate, SdfPath const& id, HdCamera const& camera) {
+    VtValue const scale = delegate->GetCameraParamValue(id, _tokens->linearExposureScale);
+    return _Number(scale, std::exp2(static_cast<double>(camera.GetExposure())));
+}
+
+// One number of the lens that changes. Scene delegates of the older kind give samples in the units
+// of USD's attributes, tenths of Hydra's: the value that Hydra has tells.
+struct _Track {
+    std::vector<double> times;
+    std::vector<double> values;
+
+    _Track(HdSceneDelegate* delegate, SdfPath const& id, TfToken const& name, double now,
+           GfInterval const& shutter) {
+        auto const samples = HdTrapezeSamplePrimvar(delegate, id, name, shutter);
+        for (size_t i = 0; i < samples.values.size(); ++i) {
+            VtValue const value = VtValue::Cast<double>(samples.values[i]);
+            if (value.IsHolding<double>()) {
+                times.push_back(samples.times[i]);
+                values.push_back(value.UncheckedGet<double>());
+            }
+        }
+        if (times.size() < 2) {
+            times.clear();
+            values.clear();
+            return;
+        }
+        double const given = At(0.0, now);
+        if (std::abs(0.1 * given - now) < std::abs(given - now)) {
+            for (double& value : values) {
+                value *= 0.1;
+            }
+        }
+    }
+
+    double At(double time, double now) const {
+        if (times.empty()) {
+            return now;
+        }
+        size_t const after = std::upper_bound(times.begin(), times.end(), time) - times.begin();
+        if (after == 0 || after == times.size()) {
+            return after == 0 ? values.front() : values.back();
+        }
+        double const part = (time - times[after - 1]) / (times[after] - times[after - 1]);
+        return values[after - 1] + part * (values[after] - values[after - 1]);
+    }
+};
+
+// The lens at every instant at which one of its numbers has a sample; none where it stays as it is.
+std::vector<trz_lens_sample> _LensSamples(HdSceneDelegate* delegate, SdfPath const& id,
+                                          trz_camera const& camera, GfInterval const& shutter) {
+    auto const track = [&](TfToken const& name, double now) {
+        return _Track(delegate, id, name, now, shutter);
+    };
+    _Track const tracks[] = {
+        track(HdCameraTokens->horizontalAperture, camera.horizontal_aperture),
+        track(HdCameraTokens->verticalAperture, camera.vertical_aperture),
+        track(HdCameraTokens->horizontalApertureOffset, camera.horizontal_aperture_offset),
+        track(HdCameraTokens->verticalApertureOffset, camera.vertical_aperture_offset),
+        track(HdCameraTokens->focalLength, camera.focal_length),
+        track(HdCameraTokens->focusDistance, camera.focus_distance),
+        track(HdCameraTokens->fStop, camera.f_stop),
+    };
+    std::set<double> times;
+    for (_Track const& one : tracks) {
+        times.insert(one.times.begin(), one.times.end());
+    }
+    std::vector<trz_lens_sample> samples;
+    for (double time : times) {
+        trz_lens_sample sample = {};
+        sample.time = time;
+        sample.horizontal_aperture = tracks[0].At(time, camera.horizontal_aperture);
+        sample.vertical_aperture = tracks[1].At(time, camera.vertical_aperture);
+        sample.horizontal_aperture_offset = tracks[2].At(time, camera.horizontal_aperture_offset);
+        sample.vertical_aperture_offset = tracks[3].At(time, camera.vertical_aperture_offset);
+        sample.focal_length = tracks[4].At(time, camera.focal_length);
+        sample.focus_distance = tracks[5].At(time, camera.focus_distance);
+        sample.f_stop = tracks[6].At(time, camera.f_stop);
+        sample.exposure_scale = camera.exposure_scale;
+        samples.push_back(sample);
+    }
+    return samples;
+}
+
+} // namespace
+
+void HdTrapezeCamera::Sync(HdSceneDelegate* delegate, HdRenderParam* renderParam,
+                           HdDirtyBits* dirtyBits) {
+    auto& param = *static_cast<HdTrapezeRenderParam*>(renderParam);
+    SdfPath const& id = GetId();
+    HdDirtyBits const bits = *dirtyBits;
+    HdCamera::Sync(delegate, renderParam, dirtyBits);
+    if (!param.Session()) {
+        return;
+    }
+    bool const created = _id == 0;
+    if (created && !param.Edit(trz_camera_create(param.Session(), id.GetText(), &_id), id)) {
+        return;
+    }
+    HdChangeTracker& tracker = delegate->GetRenderIndex().GetChangeTracker();
+    double const open = GetShutterOpen();
+    double const close = GetShutterClose();
+    if (created || (bits & DirtyParams)) {
+        GfInterval const shutter = open <= close ? GfInterval(open, close) : GfInterval(open, open);
+        param.SetCameraShutter(this, shutter, tracker);
+    }
+    if (created || (bits & (DirtyTransform | DirtyParams))) {
+        auto const samples = HdTrapezeSampleTransform(delegate, id, param.Shutter());
+        trz_transform_samples const level = {
+            samples.times.data(),
+            samples.values.empty() ? nullptr : samples.values.front().GetArray(),
+            samples.values.size(),
+        };
+        size_t const levels = samples.values.empty() ? 0 : 1;
+        param.Edit(trz_prim_set_transform(param.Session(), _id, &level, levels), id);
+    }
+    if (created || (bits & (DirtyParams | DirtyClipPlanes))) {
+        trz_camera desc = {};
+        desc.struct_size = sizeof(desc);
+        trz_camera_default(&desc);
+        desc.projection = GetProjection() == Orthographic ? TRZ_PROJECTION_ORTHOGRAPHIC
+                                                          : TRZ_PROJECTION_PERSPECTIVE;
+        desc.horizontal_aperture = GetHorizontalAperture();
+        desc.vertical_aperture = GetVerticalAperture();
+        desc.horizontal_aperture_offset = GetHorizontalApertureOffset();
+        desc.vertical_aperture_offset = GetVerticalApertureOffset();
+        desc.focal_length = GetFocalLength();
+        desc.focus_distance = GetFocusDistance();
+        desc.f_stop = GetFStop();
+        desc.clipping_near = GetClippingRange().GetMin();
+        desc.clipping_far = GetClippingRange().GetMax();
+        desc.shutter_open = open;
+        desc.shutter_close = close;
+        desc.exposure_scale = _ExposureScale(delegate, id, *this);
+        std::vector<double> planes;
+        for (GfVec4d const& plane : GetClipPlanes()) {
+            planes.insert(planes.end(), plane.data(), plane.data() + 4);
+        }
+        desc.clipping_planes = planes.data();
+        desc.clipping_plane_count = planes.size() / 4;
+        auto const lens = _LensSamples(delegate, id, desc, param.Shutter());
+        desc.lens_samples = lens.data();
+        desc.lens_sample_count = lens.size();
+        param.Edit(trz_camera_set(param.Session(), _id, &desc), id);
+    }
+}
+
+void HdTrapezeCamera::Finalize(HdRenderParam* renderParam) {
+    auto& param = *static_cast<HdTrapezeRenderParam*>(renderParam);
+    param.RemoveCamera(this);
+    if (_id != 0) {
+        param.Edit(trz_prim_remove(param.Session(), _id), GetId());
+        _id = 0;
+    }
+    HdCamera::Finalize(renderParam);
+}
+
+PXR_NAMESPACE_CLOSE_SCOPE

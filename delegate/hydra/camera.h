@@ -1,0 +1,29 @@
+#ifndef HDTRAPEZE_CAMERA_H
+#define HDTRAPEZE_CAMERA_H
+
+#include "hdtrapeze.h"
+
+#include "pxr/imaging/hd/camera.h"
+#include "pxr/pxr.h"
+
+PXR_NAMESPACE_OPEN_SCOPE
+
+/// A camera, with the shutter that motion is sampled for.
+class HdTrapezeCamera final : public HdCamera {
+public:
+    explicit HdTrapezeCamera(SdfPath const& id) : HdCamera(id) {}
+
+    void Sync(HdSceneDelegate* delegate, HdRenderParam* renderParam,
+              HdDirtyBits* dirtyBits) override;
+    void Finalize(HdRenderParam* renderParam) override;
+
+    /// The session's camera; 0 before the first Sync.
+    trz_id Id() const { return _id; }
+
+private:
+    trz_id _id = 0;
+};
+
+PXR_NAMESPACE_CLOSE_SCOPE
+
+#endif

@@ -1,0 +1,372 @@
+#include "instancer.h"
+
+#include "numbers.h"
+#include "primvars.h"
+
+#include "pxr/imaging/hd/renderIndex.h"
+#include "pxr/imaging/hd/sceneDelegate.h"
+#include "pxr/imaging/hd/tokens.h"
+
+#include <cstring>
+
+PXR_NAMESPACE_OPEN_SCOPE
+
+namespace {
+
+// The values of some instances, at several times, packed one after the other.
+class _Selection {
+public:
+    // Samples of fewer values than the instances ask for are filled up with zeros where they begin,
+    // and left out where they have nothing. `width` 0 takes numbers of any width.
+    _Selection(HdTrapezeSamples<VtValue> const& samples, VtIntArray const& instances,
+               uint32_t width = 0) {
+        for (size_t i = 0; i < samples.values.size(); ++i) {
+            HdTrapezeNumbers numbers;
+            if (!HdTrapezeNumbers::View(samples.values[i], &numbers) || !numbers.isArray ||
+                (width != 0 && numbers.width != width) ||
+                (!_data.empty() && (numbers.type != type || numbers.width != this->width))) {
+                continue;
+            }
+            type = numbers.type;
+            this->width = numbers.width;
+            size_t const size = _SizeOf(numbers.type) * numbers.width;
+            std::vector<char> packed(instances.size() * size);
+            size_t written = 0;
+            for (int instance : instances) {
+                if (instance >= 0 && static_cast<size_t>(instance) < numbers.count) {
+                    std::memcpy(packed.data() + written * size,
+                                static_cast<char const*>(numbers.data) + instance * size, size);
+                    ++written;
+                }
+            }
+            // A sample that lacks instances keeps its own number of values: the renderer says so.
+            times.push_back(samples.times[i]);
+            counts.push_back(written);
+            _data.push_back(std::move(packed));
+        }
+        for (auto const& packed : _data) {
+            values.push_back(packed.data());
+        }
+    }
+
+    // As floats, whatever the type was; with the elements' numbers in another order where one is
+    // given.
+    std::vector<std::vector<float>> Floats(std::vector<int> const& order = {}) const {
+        std::vector<std::vector<float>> all;
+        for (size_t i = 0; i < _data.size(); ++i) {
+            std::vector<float> floats(counts[i] * width);
+            for (size_t k = 0; k < floats.size(); ++k) {
+                size_t const from = order.empty() ? k : k / width * width + order[k % width];
+                floats[k] = _Float(_data[i].data(), from);
+            }
+            all.push_back(std::move(floats));
+        }
+        return all;
+    }
+
+    uint32_t type = 0;
+    uint32_t width = 0;
+    std::vector<double> times;
+    std::vector<size_t> counts;
+    std::vector<void const*> values;
+
+private:
+    static size_t _SizeOf(uint32_t type) {
+        switch (type) {
+        case TRZ_NUMBERS_FLOAT64:
+        case TRZ_NUMBERS_INT64:
+        case TRZ_NUMBERS_UINT64:
+            return 8;
+        case TRZ_NUMBERS_FLOAT16:
+            return 2;
+        case TRZ_NUMBERS_UINT8:
+            return 1;
+        default:
+            return 4;
+        }
+    }
+
+    float _Float(void const* data, size_t i) const {
+        switch (type) {
+        case TRZ_NUMBERS_FLOAT32:
+            return static_cast<float const*>(data)[i];
+        case TRZ_NUMBERS_FLOAT64:
+            return static_cast<float>(static_cast<double const*>(data)[i]);
+        case TRZ_NUMBERS_FLOAT16:
+            return static_cast<GfHalf const*>(data)[i];
+        default:
+            return 0.0f;
+        }
+    }
+
+    std::vector<std::vector<char>> _data;
+};
+
+// Floats at several times, as the C ABI takes them.
+struct _FloatSamples {
+    std::vector<std::vector<float>> floats;
+    std::vector<double> times;
+    std::vector<size_t> counts;
+    std::vector<float const*> values;
+
+    _FloatSamples() = default;
+    _FloatSamples(HdTrapezeSamples<VtValue> const& samples, VtIntArray const& instances,
+                  uint32_t width, std::vector<int> const& order = {}) {
+        _Selection const selection(samples, instances, width);
+        times = selection.times;
+        counts = selection.counts;
+        floats = selection.Floats(order);
+        for (auto const& array : floats) {
+            values.push_back(array.data());
+        }
+    }
+
+    trz_float_samples View() const {
+        return {times.data(), times.size(), values.data(), counts.data()};
+    }
+};
+
+// Rotations as quaternions x, y, z, w. Arrays of GfVec4f, which older hosts give, have the real
+// part first.
+_FloatSamples _Rotations(HdTrapezeSamples<VtValue> const& samples, VtIntArray const& instances) {
+    bool const realFirst =
+        !samples.values.empty() && (samples.values.front().IsHolding<VtArray<GfVec4f>>() ||
+                                    samples.values.front().IsHolding<VtArray<GfVec4d>>());
+    return _FloatSamples(samples, instances, 4,
+                         realFirst ? std::vector<int>{1, 2, 3, 0} : std::vector<int>{});
+}
+
+bool _IsBuiltin(TfToken const& name) {
+    TfTokenVector const& names = HdInstancer::GetBuiltinPrimvarNames();
+    return std::find(names.begin(), names.end(), name) != names.end() ||
+           name == HdTokens->velocities || name == HdTokens->accelerations ||
+           name == HdTokens->angularVelocities;
+}
+
+} // namespace
+
+bool HdTrapezeInstancer::_Less::operator()(VtIntArray const& a, VtIntArray const& b) const {
+    if (a.IsIdentical(b)) {
+        return false;
+    }
+    return std::lexicographical_compare(a.cbegin(), a.cend(), b.cbegin(), b.cend());
+}
+
+void HdTrapezeInstancer::Sync(HdSceneDelegate* delegate, HdRenderParam* renderParam,
+                              HdDirtyBits* dirtyBits) {
+    auto& param = *static_cast<HdTrapezeRenderParam*>(renderParam);
+    SdfPath const& id = GetId();
+    HdDirtyBits const bits = *dirtyBits;
+    bool const created = !_created;
+    if (created) {
+        _created = true;
+        param.AddInstancer(id, this);
+    }
+    SdfPath const before = GetParentId();
+    _UpdateInstancer(delegate, dirtyBits);
+    SdfPath const& parent = GetParentId();
+    if (before != parent) {
+        if (HdTrapezeInstancer* instancer = param.FindInstancer(before)) {
+            instancer->RemovePart(id);
+        }
+    }
+    if (!parent.IsEmpty() && (created || HdChangeTracker::IsInstanceIndexDirty(bits, id) ||
+                              HdChangeTracker::IsInstancerDirty(bits, id))) {
+        // Parents are synced after their children.
+        auto* const instancer =
+            static_cast<HdTrapezeInstancer*>(delegate->GetRenderIndex().GetInstancer(parent));
+        if (instancer) {
+            instancer->SetInstancerPart(id, this, delegate->GetInstanceIndices(parent, id));
+        }
+    }
+    GfInterval const shutter = param.Shutter();
+    if (created || HdChangeTracker::IsTransformDirty(bits, id)) {
+        _transform = HdTrapezeSampleInstancerTransform(delegate, id, shutter);
+        for (auto& [instances, group] : _groups) {
+            group.hasTransform = false;
+        }
+    }
+    if (created || (bits & HdChangeTracker::DirtyPrimvar)) {
+        std::set<TfToken> const wanted = param.WantedPrimvars();
+        _primvars.clear();
+        for (auto const& primvar : delegate->GetPrimvarDescriptors(id, HdInterpolationInstance)) {
+            if (_IsBuiltin(primvar.name) || HdTrapezePrimvars::IsNeeded(primvar.name) ||
+                wanted.count(primvar.name)) {
+                _primvars[primvar.name] = {
+                    HdTrapezeSamplePrimvar(delegate, id, primvar.name, shutter), primvar.role};
+            }
+        }
+        for (auto& [instances, group] : _groups) {
+            group.hasValues = false;
+        }
+    }
+    if (created || (bits & HdChangeTracker::DirtyVisibility)) {
+        _visible = delegate->GetVisible(id);
+        for (auto& [instances, group] : _groups) {
+            group.hasTransform = false;
+        }
+    }
+    *dirtyBits &= ~HdChangeTracker::AllSceneDirtyBits;
+}
+
+void HdTrapezeInstancer::Finalize(HdRenderParam* renderParam) {
+    auto& param = *static_cast<HdTrapezeRenderParam*>(renderParam);
+    SdfPath const& id = GetId();
+    param.RemoveInstancer(id);
+    if (HdTrapezeInstancer* parent = param.FindInstancer(GetParentId())) {
+        parent->RemovePart(id);
+    }
+    for (auto const& [instances, group] : _groups) {
+        param.Edit(trz_prim_remove(param.Session(), group.id), id);
+    }
+    _groups.clear();
+    HdInstancer::Finalize(renderParam);
+}
+
+void HdTrapezeInstancer::SetPrimPart(SdfPath const& id, trz_id prim, VtIntArray const& instances) {
+    std::lock_guard<std::mutex> lock(_mutex);
+    _parts[id] = {instances, prim, nullptr};
+    _partsChanged = true;
+}
+
+void HdTrapezeInstancer::SetInstancerPart(SdfPath const& id, HdTrapezeInstancer* child,
+                                          VtIntArray const& instances) {
+    std::lock_guard<std::mutex> lock(_mutex);
+    _parts[id] = {instances, 0, child};
+    _partsChanged = true;
+}
+
+void HdTrapezeInstancer::RemovePart(SdfPath const& id) {
+    std::lock_guard<std::mutex> lock(_mutex);
+    auto const found = _parts.find(id);
+    if (found == _parts.end()) {
+        return;
+    }
+    if (found->second.prim) {
+        _links.erase(found->second.prim);
+    }
+    _parts.erase(found);
+    _partsChanged = true;
+}
+
+void HdTrapezeInstancer::CommitGroups(HdTrapezeRenderParam& param) {
+    SdfPath const& id = GetId();
+    if (_partsChanged) {
+        _partsChanged = false;
+        std::map<VtIntArray, _Group, _Less> groups;
+        for (auto const& [path, part] : _parts) {
+            groups[part.instances];
+        }
+        for (auto& [instances, group] : _groups) {
+            auto const found = groups.find(instances);
+            if (found != groups.end()) {
+                found->second = group;
+            } else {
+                param.Edit(trz_prim_remove(param.Session(), group.id), id);
+            }
+        }
+        _groups = std::move(groups);
+    }
+    for (auto& [instances, group] : _groups) {
+        if (group.id == 0 &&
+            !param.Edit(trz_instancer_create(param.Session(), id.GetText(), &group.id), id)) {
+            continue;
+        }
+        if (!group.hasTransform) {
+            group.hasTransform = true;
+            trz_transform_samples const level = {
+                _transform.times.data(),
+                _transform.values.empty() ? nullptr : _transform.values.front().GetArray(),
+                _transform.values.size(),
+            };
+            size_t const levels = _transform.values.empty() ? 0 : 1;
+            param.Edit(trz_prim_set_transform(param.Session(), group.id, &level, levels), id);
+            param.Edit(trz_prim_set_visible(param.Session(), group.id, _visible), id);
+        }
+        if (!group.hasValues) {
+            group.hasValues = true;
+            _SetValues(group.id, instances, param);
+        }
+    }
+}
+
+void HdTrapezeInstancer::_SetValues(trz_id group, VtIntArray const& instances,
+                                    HdTrapezeRenderParam& param) {
+    SdfPath const& id = GetId();
+    auto const get = [&](TfToken const& name) -> HdTrapezeSamples<VtValue> {
+        auto const found = _primvars.find(name);
+        return found == _primvars.end() ? HdTrapezeSamples<VtValue>() : found->second.samples;
+    };
+    _FloatSamples const positions(get(HdInstancerTokens->instanceTranslations), instances, 3);
+    _FloatSamples const orientations =
+        _Rotations(get(HdInstancerTokens->instanceRotations), instances);
+    _FloatSamples const scales(get(HdInstancerTokens->instanceScales), instances, 3);
+    _FloatSamples const velocities(get(HdTokens->velocities), instances, 3);
+    _FloatSamples const accelerations(get(HdTokens->accelerations), instances, 3);
+    _FloatSamples const turns(get(HdTokens->angularVelocities), instances, 3);
+    _Selection const matrices(get(HdInstancerTokens->instanceTransforms), instances, 16);
+    std::vector<double const*> matrixValues;
+    for (void const* values : matrices.values) {
+        matrixValues.push_back(static_cast<double const*>(values));
+    }
+    trz_instancer desc = {};
+    desc.struct_size = sizeof(desc);
+    desc.instance_count = instances.size();
+    desc.prototype_count = 1;
+    desc.positions = positions.View();
+    desc.orientations = orientations.View();
+    desc.scales = scales.View();
+    desc.velocities = velocities.View();
+    desc.accelerations = accelerations.View();
+    desc.angular_velocities = turns.View();
+    if (matrices.type == TRZ_NUMBERS_FLOAT64) {
+        desc.matrices = {matrices.times.data(), matrices.times.size(), matrixValues.data(),
+                         matrices.counts.data()};
+    }
+    desc.time_codes_per_second = param.TimeCodesPerSecond();
+    param.Edit(trz_instancer_set(param.Session(), group, &desc), id);
+    for (auto const& [name, primvar] : _primvars) {
+        if (_IsBuiltin(name)) {
+            continue;
+        }
+        _Selection const values(primvar.samples, instances);
+        trz_primvar var = {};
+        var.struct_size = sizeof(var);
+        var.interpolation = TRZ_INTERPOLATION_VERTEX;
+        var.type = values.type;
+        var.role = primvar.role == HdPrimvarRoleTokens->color ? TRZ_ROLE_COLOR : TRZ_ROLE_NONE;
+        var.width = values.width;
+        var.element_size = 1;
+        var.unauthored_index = -1;
+        var.times = values.times.data();
+        var.sample_count = values.times.size();
+        var.values = values.values.data();
+        var.value_counts = values.counts.data();
+        param.Edit(trz_prim_set_primvar(param.Session(), group, name.GetText(),
+                                        values.times.empty() ? nullptr : &var),
+                   id);
+    }
+}
+
+void HdTrapezeInstancer::_Link(trz_id part, trz_id group, HdTrapezeRenderParam& param) {
+    trz_id& now = _links[part];
+    if (now != group) {
+        now = group;
+        param.Edit(trz_prim_set_instancer(param.Session(), part, group, 0), GetId());
+    }
+}
+
+void HdTrapezeInstancer::CommitParts(HdTrapezeRenderParam& param) {
+    for (auto const& [path, part] : _parts) {
+        trz_id const group = _groups[part.instances].id;
+        if (part.prim) {
+            _Link(part.prim, group, param);
+        } else {
+            for (auto const& [instances, inner] : part.child->_groups) {
+                _Link(inner.id, group, param);
+            }
+        }
+    }
+}
+
+PXR_NAMESPACE_CLOSE_SCOPE

@@ -1,0 +1,211 @@
+#include "prim.h"
+
+#include "instancer.h"
+#include "numbers.h"
+#include "samples.h"
+
+#include "pxr/imaging/hd/sceneDelegate.h"
+#include "pxr/imaging/hd/tokens.h"
+
+PXR_NAMESPACE_OPEN_SCOPE
+
+namespace {
+
+// Float triples at several times, as the C ABI takes them. Samples that hold something else are
+// left out.
+struct _Triples {
+    std::vector<double> times;
+    std::vector<float const*> values;
+    std::vector<size_t> counts;
+    std::vector<std::vector<float>> converted;
+
+    explicit _Triples(HdTrapezeSamples<VtValue> const& samples) {
+        converted.reserve(samples.values.size());
+        for (size_t i = 0; i < samples.values.size(); ++i) {
+            HdTrapezeNumbers numbers;
+            if (!HdTrapezeNumbers::View(samples.values[i], &numbers) || numbers.width != 3) {
+                continue;
+            }
+            float const* data = static_cast<float const*>(numbers.data);
+            if (numbers.type != TRZ_NUMBERS_FLOAT32) {
+                converted.push_back(HdTrapezeFloats(samples.values[i], 3));
+                data = converted.back().data();
+            }
+            times.push_back(samples.times[i]);
+            values.push_back(data);
+            counts.push_back(numbers.count);
+        }
+    }
+
+    trz_float_samples View() const {
+        return {times.data(), times.size(), values.data(), counts.data()};
+    }
+};
+
+// Of a computed primvar, its description.
+bool _FindComputed(HdSceneDelegate* delegate, SdfPath const& id, TfToken const& name,
+                   HdExtComputationPrimvarDescriptor* out) {
+    for (auto const& descriptor :
+         delegate->GetExtComputationPrimvarDescriptors(id, HdInterpolationVertex)) {
+        if (descriptor.name == name) {
+            *out = descriptor;
+            return true;
+        }
+    }
+    return false;
+}
+
+} // namespace
+
+bool HdTrapezePrim::Sync(HdRprim const& rprim, HdSceneDelegate* delegate,
+                         HdTrapezeRenderParam& param, HdDirtyBits bits) {
+    SdfPath const& id = rprim.GetId();
+    bool const created = _id == 0;
+    if (created) {
+        if (!param.Session() || !param.Edit(_create(param.Session(), id.GetText(), &_id), id)) {
+            return false;
+        }
+        param.AddPrim(id, this);
+    }
+    if (created || (bits & HdChangeTracker::DirtyPrimID)) {
+        param.Edit(trz_prim_set_pick_id(param.Session(), _id, rprim.GetPrimId()), id);
+    }
+    bool const primvars = created || (bits & HdChangeTracker::DirtyPrimvar);
+    if (primvars) {
+        _SyncMotion(id, delegate, param);
+    }
+    if (created || HdChangeTracker::IsTransformDirty(bits, id)) {
+        _SyncTransform(id, delegate, param);
+    }
+    if (created || HdChangeTracker::IsInstancerDirty(bits, id) ||
+        HdChangeTracker::IsInstanceIndexDirty(bits, id)) {
+        _SyncInstancer(rprim, delegate, param);
+    }
+    if (created || (bits & HdChangeTracker::DirtyDoubleSided)) {
+        bool const sides = delegate->GetDoubleSided(id);
+        param.Edit(trz_prim_set_double_sided(param.Session(), _id, sides), id);
+    }
+    if (created || (bits & HdChangeTracker::DirtyVisibility)) {
+        _visible = rprim.IsVisible();
+        param.MarkVisibilityDirty();
+    }
+    if (created || (bits & HdChangeTracker::DirtyRenderTag)) {
+        _renderTag = delegate->GetRenderTag(id);
+        param.MarkVisibilityDirty();
+    }
+    if (created || HdChangeTracker::IsDisplayStyleDirty(bits, id)) {
+        _refineLevel = delegate->GetDisplayStyle(id).refineLevel;
+        param.MarkVisibilityDirty();
+    }
+    if (_points == Points::Yes && (primvars || (bits & HdChangeTracker::DirtyPoints))) {
+        _SyncPoints(id, delegate, param);
+    }
+    if (primvars || (bits & (HdChangeTracker::DirtyNormals | HdChangeTracker::DirtyWidths))) {
+        _primvars.Sync(id, _id, delegate, param);
+    }
+    return true;
+}
+
+void HdTrapezePrim::Finalize(HdRprim const& rprim, HdTrapezeRenderParam& param) {
+    if (_id == 0) {
+        return;
+    }
+    SdfPath const& id = rprim.GetId();
+    param.RemovePrim(id);
+    if (HdTrapezeInstancer* instancer = param.FindInstancer(_instancer)) {
+        instancer->RemovePart(id);
+    }
+    param.Edit(trz_prim_remove(param.Session(), _id), id);
+    _id = 0;
+}
+
+void HdTrapezePrim::Include(SdfPath const& id, bool included, HdTrapezeRenderParam& param) {
+    bool const shown = included && _visible;
+    if (shown != _shown) {
+        _shown = shown;
+        param.Edit(trz_prim_set_visible(param.Session(), _id, shown), id);
+    }
+}
+
+void HdTrapezePrim::_SyncTransform(SdfPath const& id, HdSceneDelegate* delegate,
+                                   HdTrapezeRenderParam& param) {
+    auto const samples =
+        HdTrapezeSampleTransform(delegate, id, param.Shutter() * GfInterval(_reach));
+    trz_transform_samples const level = {
+        samples.times.data(),
+        samples.values.empty() ? nullptr : samples.values.front().GetArray(),
+        samples.values.size(),
+    };
+    size_t const levels = samples.values.empty() ? 0 : 1;
+    param.Edit(trz_prim_set_transform(param.Session(), _id, &level, levels), id);
+}
+
+void HdTrapezePrim::_SyncMotion(SdfPath const& id, HdSceneDelegate* delegate,
+                                HdTrapezeRenderParam& param) {
+    double scale = 1.0;
+    VtValue const blur = delegate->Get(id, HdTokens->blurScale);
+    if (blur.IsHolding<float>()) {
+        scale = blur.UncheckedGet<float>();
+    } else if (blur.IsHolding<double>()) {
+        scale = blur.UncheckedGet<double>();
+    }
+    int const count = delegate->Get(id, HdTokens->nonlinearSampleCount).GetWithDefault<int>(0);
+    // Samples are needed around the scaled shutter, too.
+    _reach = scale > 1.0 ? scale : 1.0;
+    uint32_t const keys = count > 0 ? static_cast<uint32_t>(count) : 0;
+    param.Edit(trz_prim_set_motion(param.Session(), _id, scale, keys), id);
+}
+
+void HdTrapezePrim::_SyncPoints(SdfPath const& id, HdSceneDelegate* delegate,
+                                HdTrapezeRenderParam& param) {
+    GfInterval const shutter = param.Shutter() * GfInterval(_reach);
+    HdExtComputationPrimvarDescriptor computed;
+    bool const isComputed = _FindComputed(delegate, id, HdTokens->points, &computed);
+    auto const points = isComputed
+                            ? HdTrapezeSampleComputed(delegate, computed, shutter)
+                            : HdTrapezeSamplePrimvar(delegate, id, HdTokens->points, shutter);
+    HdTrapezeSamples<VtValue> velocities;
+    HdTrapezeSamples<VtValue> accelerations;
+    if (!isComputed) {
+        velocities = HdTrapezeSamplePrimvar(delegate, id, HdTokens->velocities, shutter);
+        if (!velocities.values.empty()) {
+            accelerations = HdTrapezeSamplePrimvar(delegate, id, HdTokens->accelerations, shutter);
+        }
+    }
+    _Triples const p(points);
+    _Triples const v(velocities);
+    _Triples const a(accelerations);
+    trz_points desc = {};
+    desc.struct_size = sizeof(desc);
+    desc.times = p.times.data();
+    desc.sample_count = p.times.size();
+    desc.points = p.values.data();
+    desc.counts = p.counts.data();
+    desc.velocities = v.View();
+    desc.accelerations = a.View();
+    desc.time_codes_per_second = param.TimeCodesPerSecond();
+    param.Edit(trz_prim_set_points(param.Session(), _id, &desc), id);
+}
+
+void HdTrapezePrim::_SyncInstancer(HdRprim const& rprim, HdSceneDelegate* delegate,
+                                   HdTrapezeRenderParam& param) {
+    SdfPath const& id = rprim.GetId();
+    SdfPath const& now = rprim.GetInstancerId();
+    if (_instancer != now) {
+        if (HdTrapezeInstancer* before = param.FindInstancer(_instancer)) {
+            before->RemovePart(id);
+        }
+        if (now.IsEmpty()) {
+            param.Edit(trz_prim_set_instancer(param.Session(), _id, 0, 0), id);
+        }
+        _instancer = now;
+    }
+    if (now.IsEmpty()) {
+        return;
+    }
+    if (HdTrapezeInstancer* instancer = param.FindInstancer(now)) {
+        instancer->SetPrimPart(id, _id, delegate->GetInstanceIndices(now, id));
+    }
+}
+
+PXR_NAMESPACE_CLOSE_SCOPE

@@ -1,0 +1,61 @@
+#ifndef HDTRAPEZE_PRIM_H
+#define HDTRAPEZE_PRIM_H
+
+#include "hdtrapeze.h"
+#include "primvars.h"
+#include "renderParam.h"
+
+#include "pxr/imaging/hd/rprim.h"
+#include "pxr/pxr.h"
+
+PXR_NAMESPACE_OPEN_SCOPE
+
+/// A geometry prim of the session, and what all kinds of Rprims have in common: place, motion,
+/// points, primvars, instancing, visibility.
+class HdTrapezePrim final {
+public:
+    using Create = trz_result (*)(trz_session*, char const* path, trz_id* out);
+
+    /// Where a kind of Rprim has points, with velocities and accelerations.
+    enum class Points { No, Yes };
+
+    HdTrapezePrim(Create create, Points points) : _create(create), _points(points) {}
+
+    trz_id Id() const { return _id; }
+
+    /// Pulls what is dirty. False where there is no prim to put it into: the library refused.
+    bool Sync(HdRprim const& rprim, HdSceneDelegate* delegate, HdTrapezeRenderParam& param,
+              HdDirtyBits bits);
+
+    void Finalize(HdRprim const& rprim, HdTrapezeRenderParam& param);
+
+    /// Shows the prim where it is visible and `included`, by render tags and the collection.
+    void Include(SdfPath const& id, bool included, HdTrapezeRenderParam& param);
+
+    TfToken const& RenderTag() const { return _renderTag; }
+
+    /// Hydra's refine level.
+    int RefineLevel() const { return _refineLevel; }
+
+private:
+    void _SyncTransform(SdfPath const& id, HdSceneDelegate* delegate, HdTrapezeRenderParam& param);
+    void _SyncPoints(SdfPath const& id, HdSceneDelegate* delegate, HdTrapezeRenderParam& param);
+    void _SyncMotion(SdfPath const& id, HdSceneDelegate* delegate, HdTrapezeRenderParam& param);
+    void _SyncInstancer(HdRprim const& rprim, HdSceneDelegate* delegate,
+                        HdTrapezeRenderParam& param);
+
+    Create _create;
+    Points _points;
+    trz_id _id = 0;
+    SdfPath _instancer;
+    HdTrapezePrimvars _primvars;
+    TfToken _renderTag;
+    int _refineLevel = 0;
+    double _reach = 1.0;
+    bool _visible = true;
+    bool _shown = true;
+};
+
+PXR_NAMESPACE_CLOSE_SCOPE
+
+#endif

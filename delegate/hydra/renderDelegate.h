@@ -1,0 +1,76 @@
+#ifndef HDTRAPEZE_RENDER_DELEGATE_H
+#define HDTRAPEZE_RENDER_DELEGATE_H
+
+#include "hdtrapeze.h"
+#include "renderLoop.h"
+#include "renderParam.h"
+
+#include "pxr/imaging/hd/renderDelegate.h"
+#include "pxr/pxr.h"
+
+#include <memory>
+
+PXR_NAMESPACE_OPEN_SCOPE
+
+/// Makes prims, buffers and passes for Hydra, and holds the renderer's session and settings.
+/// Delegates of one process share nothing.
+class HdTrapezeRenderDelegate final : public HdRenderDelegate {
+public:
+    explicit HdTrapezeRenderDelegate(HdRenderSettingsMap const& settings);
+    ~HdTrapezeRenderDelegate() override;
+
+    HdTrapezeRenderParam& Param() { return *_param; }
+
+    /// Null where the library refused a session.
+    HdTrapezeRenderLoop* Loop() { return _loop.get(); }
+
+    /// Whether an AOV of that name is rendered.
+    static bool IsAov(TfToken const& name);
+
+    /// The settings of this delegate; image, camera light and cull style are the pass' to set.
+    void FillSettings(trz_settings* out) const;
+
+    HdRenderParam* GetRenderParam() const override { return _param.get(); }
+    TfTokenVector const& GetSupportedRprimTypes() const override;
+    TfTokenVector const& GetSupportedSprimTypes() const override;
+    TfTokenVector const& GetSupportedBprimTypes() const override;
+    HdResourceRegistrySharedPtr GetResourceRegistry() const override { return _registry; }
+
+    HdRenderSettingDescriptorList GetRenderSettingDescriptors() const override;
+    void SetRenderSetting(TfToken const& key, VtValue const& value) override;
+    VtDictionary GetRenderStats() const override;
+    TfTokenVector GetRenderSettingsNamespaces() const override;
+
+    bool IsPauseSupported() const override { return false; }
+    bool IsStopSupported() const override { return true; }
+    bool IsStopped() const override;
+    bool Stop(bool blocking = true) override;
+    bool Restart() override;
+
+    HdRenderPassSharedPtr CreateRenderPass(HdRenderIndex* index,
+                                           HdRprimCollection const& collection) override;
+    HdInstancer* CreateInstancer(HdSceneDelegate* delegate, SdfPath const& id) override;
+    void DestroyInstancer(HdInstancer* instancer) override;
+    HdRprim* CreateRprim(TfToken const& type, SdfPath const& id) override;
+    void DestroyRprim(HdRprim* prim) override;
+    HdSprim* CreateSprim(TfToken const& type, SdfPath const& id) override;
+    HdSprim* CreateFallbackSprim(TfToken const& type) override;
+    void DestroySprim(HdSprim* prim) override;
+    HdBprim* CreateBprim(TfToken const& type, SdfPath const& id) override;
+    HdBprim* CreateFallbackBprim(TfToken const& type) override;
+    void DestroyBprim(HdBprim* prim) override;
+
+    void CommitResources(HdChangeTracker* tracker) override;
+    TfToken GetMaterialBindingPurpose() const override;
+    TfTokenVector GetMaterialRenderContexts() const override;
+    HdAovDescriptor GetDefaultAovDescriptor(TfToken const& name) const override;
+
+private:
+    std::unique_ptr<HdTrapezeRenderParam> _param;
+    std::unique_ptr<HdTrapezeRenderLoop> _loop;
+    HdResourceRegistrySharedPtr _registry;
+};
+
+PXR_NAMESPACE_CLOSE_SCOPE
+
+#endif

@@ -1,0 +1,64 @@
+#ifndef HDTRAPEZE_SAMPLES_H
+#define HDTRAPEZE_SAMPLES_H
+
+#include "pxr/base/gf/interval.h"
+#include "pxr/base/gf/matrix4d.h"
+#include "pxr/base/tf/token.h"
+#include "pxr/base/vt/value.h"
+#include "pxr/imaging/hd/sceneDelegate.h"
+#include "pxr/imaging/hd/timeSampleArray.h"
+#include "pxr/pxr.h"
+#include "pxr/usd/sdf/path.h"
+
+#include <algorithm>
+#include <numeric>
+#include <vector>
+
+PXR_NAMESPACE_OPEN_SCOPE
+
+/// Values over time: times are time codes relative to the frame, ascending, none twice. They may
+/// lie outside of the interval that was asked for: what brackets it is part of it.
+template <class T> struct HdTrapezeSamples {
+    std::vector<double> times;
+    std::vector<T> values;
+};
+
+/// Sorts what a scene delegate gave.
+template <class T, unsigned int Capacity>
+HdTrapezeSamples<T> HdTrapezeSorted(HdTimeSampleArray<T, Capacity> const& given) {
+    std::vector<size_t> order(given.count);
+    std::iota(order.begin(), order.end(), 0);
+    std::stable_sort(order.begin(), order.end(),
+                     [&](size_t a, size_t b) { return given.times[a] < given.times[b]; });
+    HdTrapezeSamples<T> samples;
+    for (size_t i : order) {
+        if (samples.times.empty() || samples.times.back() < given.times[i]) {
+            samples.times.push_back(given.times[i]);
+            samples.values.push_back(given.values[i]);
+        }
+    }
+    return samples;
+}
+
+/// The transform of a prim, to the space of its instancer's prototype or to the world.
+HdTrapezeSamples<GfMatrix4d> HdTrapezeSampleTransform(HdSceneDelegate* delegate, SdfPath const& id,
+                                                      GfInterval const& shutter);
+
+/// The transform of an instancer, to the space of its parent's prototype or to the world.
+HdTrapezeSamples<GfMatrix4d> HdTrapezeSampleInstancerTransform(HdSceneDelegate* delegate,
+                                                               SdfPath const& id,
+                                                               GfInterval const& shutter);
+
+/// A primvar or an attribute that Hydra treats as one; no samples where there is no value.
+HdTrapezeSamples<VtValue> HdTrapezeSamplePrimvar(HdSceneDelegate* delegate, SdfPath const& id,
+                                                 TfToken const& name, GfInterval const& shutter);
+
+/// The primvars that ext computations give, skinned points above all, of those names.
+HdTrapezeSamples<VtValue>
+HdTrapezeSampleComputed(HdSceneDelegate* delegate,
+                        HdExtComputationPrimvarDescriptor const& descriptor,
+                        GfInterval const& shutter);
+
+PXR_NAMESPACE_CLOSE_SCOPE
+
+#endif
