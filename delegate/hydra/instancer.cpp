@@ -13,6 +13,8 @@ PXR_NAMESPACE_OPEN_SCOPE
 
 namespace {
 
+TF_DEFINE_PRIVATE_TOKENS(_tokens, (angularVelocities));
+
 // The values of some instances, at several times, packed one after the other.
 class _Selection {
 public:
@@ -140,7 +142,7 @@ bool _IsBuiltin(TfToken const& name) {
     TfTokenVector const& names = HdInstancer::GetBuiltinPrimvarNames();
     return std::find(names.begin(), names.end(), name) != names.end() ||
            name == HdTokens->velocities || name == HdTokens->accelerations ||
-           name == HdTokens->angularVelocities;
+           name == _tokens->angularVelocities;
 }
 
 } // namespace
@@ -303,7 +305,7 @@ void HdTrapezeInstancer::_SetValues(trz_id group, VtIntArray const& instances,
     _FloatSamples const scales(get(HdInstancerTokens->instanceScales), instances, 3);
     _FloatSamples const velocities(get(HdTokens->velocities), instances, 3);
     _FloatSamples const accelerations(get(HdTokens->accelerations), instances, 3);
-    _FloatSamples const turns(get(HdTokens->angularVelocities), instances, 3);
+    _FloatSamples const turns(get(_tokens->angularVelocities), instances, 3);
     _Selection const matrices(get(HdInstancerTokens->instanceTransforms), instances, 16);
     std::vector<double const*> matrixValues;
     for (void const* values : matrices.values) {

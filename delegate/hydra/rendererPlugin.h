@@ -14,19 +14,21 @@ public:
     HdRenderDelegate* CreateRenderDelegate(HdRenderSettingsMap const& settings) override;
     void DeleteRenderDelegate(HdRenderDelegate* delegate) override;
 
-#if HD_API_VERSION < 103
-    bool IsSupported(bool = true) const
-#if HD_API_VERSION < 83
-        override
-#endif
-    {
-        return true;
-    }
+#if HD_API_VERSION < 98
+    bool IsSupported(bool gpuEnabled = true) const override;
 #endif
 #if HD_API_VERSION >= 83 && HD_API_VERSION < 103
-    bool IsSupported(HdRendererCreateArgs const&, std::string* = nullptr) const override {
-        return true;
-    }
+    bool IsSupported(HdRendererCreateArgs const& args, std::string* reason) const override;
+#endif
+#if HD_API_VERSION >= 103
+    bool IsSupported(HdRendererCreateArgsSchema const& args, std::string* reason) const override;
+#endif
+
+// What scene indices do for motion blur, they are to do for this renderer.
+#if HD_API_VERSION >= 101
+    HdContainerDataSourceHandle GetSceneIndexCreateArgs() const override;
+#elif HD_API_VERSION >= 90
+    HdContainerDataSourceHandle GetSceneIndexInputArgs() const override;
 #endif
 };
 

@@ -6,6 +6,17 @@
 PXR_NAMESPACE_OPEN_SCOPE
 
 namespace {
+// Calls f with the ends of the interval; without them where the scene delegate alone knows the
+// shutter, as it did up to 24.05.
+template <class F> void _Within(GfInterval const& shutter, F&& f) {
+#if HD_API_VERSION >= 68
+    f(static_cast<float>(shutter.GetMin()), static_cast<float>(shutter.GetMax()));
+#else
+    TF_UNUSED(shutter);
+    f();
+#endif
+}
+
 // Samples that are held without taking memory from the heap; there may be more.
 constexpr unsigned int _capacity = 8;
 // More samples than this of one computation are thinned out.
@@ -15,11 +26,8 @@ constexpr size_t _mostComputed = 32;
 HdTrapezeSamples<GfMatrix4d> HdTrapezeSampleTransform(HdSceneDelegate* delegate, SdfPath const& id,
                                                       GfInterval const& shutter) {
     HdTimeSampleArray<GfMatrix4d, _capacity> samples;
-#if HD_API_VERSION >= 68
-    delegate->SampleTransform(id, shutter.GetMin(), shutter.GetMax(), &samples);
-#else
-    delegate->SampleTransform(id, &samples);
-#endif
+    _Within(shutter,
+            [&](auto... interval) { delegate->SampleTransform(id, interval..., &samples); });
     return HdTrapezeSorted(samples);
 }
 
@@ -27,22 +35,17 @@ HdTrapezeSamples<GfMatrix4d> HdTrapezeSampleInstancerTransform(HdSceneDelegate* 
                                                                SdfPath const& id,
                                                                GfInterval const& shutter) {
     HdTimeSampleArray<GfMatrix4d, _capacity> samples;
-#if HD_API_VERSION >= 68
-    delegate->SampleInstancerTransform(id, shutter.GetMin(), shutter.GetMax(), &samples);
-#else
-    delegate->SampleInstancerTransform(id, &samples);
-#endif
+    _Within(shutter, [&](auto... interval) {
+        delegate->SampleInstancerTransform(id, interval..., &samples);
+    });
     return HdTrapezeSorted(samples);
 }
 
 HdTrapezeSamples<VtValue> HdTrapezeSamplePrimvar(HdSceneDelegate* delegate, SdfPath const& id,
                                                  TfToken const& name, GfInterval const& shutter) {
     HdTimeSampleArray<VtValue, _capacity> samples;
-#if HD_API_VERSION >= 68
-    delegate->SamplePrimvar(id, name, shutter.GetMin(), shutter.GetMax(), &samples);
-#else
-    delegate->SamplePrimvar(id, name, &samples);
-#endif
+    _Within(shutter,
+            [&](auto... interval) { delegate->SamplePrimvar(id, name, interval..., &samples); });
     return HdTrapezeSorted(samples);
 }
 
@@ -51,13 +54,10 @@ HdTrapezeSampleComputed(HdSceneDelegate* delegate,
                         HdExtComputationPrimvarDescriptor const& descriptor,
                         GfInterval const& shutter) {
     HdExtComputationUtils::SampledValueStore<_capacity> store;
-#if HD_API_VERSION >= 68
-    HdExtComputationUtils::SampleComputedPrimvarValues<_capacity>(
-        {descriptor}, delegate, shutter.GetMin(), shutter.GetMax(), _mostComputed, &store);
-#else
-    HdExtComputationUtils::SampleComputedPrimvarValues<_capacity>({descriptor}, delegate,
-                                                                  _mostComputed, &store);
-#endif
+    _Within(shutter, [&](auto... interval) {
+        HdExtComputationUtils::SampleComputedPrimvarValues<_capacity>(
+            {descriptor}, delegate, interval..., _mostComputed, &store);
+    });
     auto const found = store.find(descriptor.name);
     return found == store.end() ? HdTrapezeSamples<VtValue>() : HdTrapezeSorted(found->second);
 }
