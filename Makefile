@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint format bench peers figures contact-sheet clean distclean
+.PHONY: help setup demo hydra test lint format bench peers figures contact-sheet clean distclean
 
 PY := .venv/bin/python
 # Flags of `hdtrapeze record` for the demo: make demo DEMO_FLAGS="--samples 16"
@@ -22,6 +22,9 @@ setup: ## Install what is missing, make .venv, build the release libraries and t
 
 demo: setup ## Render examples/demo to out/demo.exr and out/demo.png
 	@$(PY) scripts/demo.py $(DEMO_FLAGS)
+
+hydra: setup ## Build the Hydra plugin for the OpenUSD that OPENUSD_* name, see scripts/hydra.sh
+	@scripts/hydra.sh
 
 test: ## Everything CI runs: formats, lints, layers, Rust, C and Python tests, documentation
 	@scripts/setup.sh --tools

@@ -80,6 +80,11 @@ command -v g++ >/dev/null || packages+=(g++)
 printf '#include <opensubdiv/bfr/refinerSurfaceFactory.h>\n' |
     "${CXX:-c++}" ${OPENSUBDIV_ROOT:+"-I$OPENSUBDIV_ROOT/include"} -x c++ -E - >/dev/null 2>&1 ||
     packages+=(libosd-dev)
+# The Hydra plugin is built where an OpenUSD is configured, see scripts/hydra.sh.
+if [ -n "${OPENUSD_ROOT:-}${OPENUSD_INCLUDE_DIR:-}" ]; then
+    command -v cmake >/dev/null || packages+=(cmake)
+    command -v ninja >/dev/null || packages+=(ninja-build)
+fi
 if ! venv_works && ! "$python" -c 'import venv, ensurepip' 2>/dev/null; then
     case $python in
     /usr/bin/*) packages+=(python3.11-venv) ;;

@@ -64,6 +64,10 @@ py_tests() {
     "$bin/python" -m pytest tests/python -q -ra --durations=10
 }
 
+hydra_tests() {
+    "$bin/python" -m pytest tests/hydra -q -ra --durations=10
+}
+
 bad=0
 mkdir -p "$logs"
 
@@ -86,6 +90,9 @@ all)
     lint
     step cargo-test cargo test --workspace --locked
     step pytest py_tests
+    # Where no OpenUSD is configured, the tests say so and are skipped.
+    if [ -n "${OPENUSD_ROOT:-}${OPENUSD_INCLUDE_DIR:-}" ]; then step hydra-build scripts/hydra.sh; fi
+    step hydra hydra_tests
     step rustdoc rustdoc
     ;;
 *) echo "test: unknown part $1" >&2 && exit 2 ;;

@@ -1,6 +1,7 @@
 #include "renderDelegate.h"
 
 #include "camera.h"
+#include "commands.h"
 #include "instancer.h"
 #include "light.h"
 #include "mesh.h"
@@ -158,6 +159,14 @@ VtDictionary HdTrapezeRenderDelegate::GetRenderStats() const {
 TfTokenVector HdTrapezeRenderDelegate::GetRenderSettingsNamespaces() const {
     static TfToken const name("trapeze");
     return {name};
+}
+
+HdCommandDescriptors HdTrapezeRenderDelegate::GetCommandDescriptors() const {
+    return HdTrapezeCommands();
+}
+
+bool HdTrapezeRenderDelegate::InvokeCommand(TfToken const& command, HdCommandArgs const& args) {
+    return HdTrapezeRunCommand(_param->Session(), command, args);
 }
 
 bool HdTrapezeRenderDelegate::IsStopped() const { return !_loop || _loop->IsStopped(); }

@@ -40,6 +40,8 @@ public:
     void SetRenderSetting(TfToken const& key, VtValue const& value) override;
     VtDictionary GetRenderStats() const override;
     TfTokenVector GetRenderSettingsNamespaces() const override;
+    HdCommandDescriptors GetCommandDescriptors() const override;
+    bool InvokeCommand(TfToken const& command, HdCommandArgs const& args) override;
 
     bool IsPauseSupported() const override { return false; }
     bool IsStopSupported() const override { return true; }

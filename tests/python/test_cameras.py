@@ -50,6 +50,14 @@ def test_height_follows_the_aspect():
     assert render(stage, height=None).alpha.shape == (30, 40)
 
 
+def test_height_is_not_rounded_down():
+    """24 by 16 is 1.5, also in tenths."""
+    stage = new_stage()
+    add_camera(stage, horizontalAperture=24.0, verticalAperture=16.0)
+    add_quad(stage)
+    assert render(stage, width=96, height=None).alpha.shape == (64, 96)
+
+
 def test_clipping():
     stage = new_stage()
     add_camera(stage, clippingRange=Gf.Vec2f(9.0, 12.0))

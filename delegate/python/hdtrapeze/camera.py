@@ -182,7 +182,8 @@ def aspect_of(lens: dict[str, float]) -> float:
     width, height = lens["horizontal_aperture"], lens["vertical_aperture"]
     if not (0.0 < width < LARGEST_FILM and 0.0 < height < LARGEST_FILM):
         return DEFAULT_ASPECT
-    aspect = width / height
+    # As usdrecord has it, which divides the authored floats, tenths of these: 24 by 16 is 1.5.
+    aspect = float(np.float32(10.0 * width) / np.float32(10.0 * height))
     return aspect if 1e-4 < aspect < 1e6 else 1.0
 
 

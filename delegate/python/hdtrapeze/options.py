@@ -3,6 +3,8 @@
 import math
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from .curves import FORMS
 from .errors import SceneError, UsageError
 
@@ -178,7 +180,7 @@ class Options:
         """Width and height for a camera of this aspect."""
         if self.height is not None:
             return self.width, self.height
-        return self.width, max(int(self.width / aspect), 1)
+        return self.width, max(int(np.float32(self.width) / np.float32(aspect)), 1)
 
     def shape_of_pixels(self, aspect: float, width: int, height: int) -> float:
         """Pixel width over height: where the window does not conform, what makes up for it."""

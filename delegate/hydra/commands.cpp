@@ -1,0 +1,77 @@
+#include "commands.h"
+
+#include "pxr/base/tf/diagnostic.h"
+#include "pxr/base/tf/staticTokens.h"
+
+#include <fstream>
+#include <vector>
+
+PXR_NAMESPACE_OPEN_SCOPE
+
+namespace {
+
+TF_DEFINE_PRIVATE_TOKENS(_tokens, (dumpScene)(saveImage)(path));
+
+bool _DumpScene(trz_session* session, std::string const& path) {
+    // The scene may grow between the calls.
+    size_t needed = 0;
+    std::vector<char> text;
+    trz_result result;
+    do {
+        text.resize(needed);
+        result = trz_scene_dump(session, text.data(), text.size(), &needed);
+    } while (needed > text.size() && (result == TRZ_OK || result == TRZ_ERROR_BUFFER_TOO_SMALL));
+    if (result != TRZ_OK) {
+        TF_WARN("Trapeze: %s (%s)", trz_last_error(), trz_result_name(result));
+        return false;
+    }
+    std::ofstream file(path, std::ios::binary);
+    file << text.data() << std::flush;
+    if (!file) {
+        TF_WARN("Trapeze: %s cannot be written", path.c_str());
+    }
+    return bool(file);
+}
+
+bool _SaveImage(trz_session* session, std::string const& path) {
+    trz_image image = {};
+    image.struct_size = sizeof(image);
+    image.type = TRZ_IMAGE_EXR;
+    image.pixel_type = TRZ_PIXEL_FLOAT;
+    image.compression = TRZ_COMPRESSION_ZIP;
+    trz_result const result = trz_image_write(session, path.c_str(), &image);
+    if (result != TRZ_OK) {
+        TF_WARN("Trapeze: %s (%s)", trz_last_error(), trz_result_name(result));
+    }
+    return result == TRZ_OK;
+}
+
+} // namespace
+
+HdCommandDescriptors HdTrapezeCommands() {
+    HdCommandArgDescriptors const path = {{_tokens->path, VtValue(std::string())}};
+    return {
+        HdCommandDescriptor(_tokens->dumpScene, "Write the scene as text", path),
+        HdCommandDescriptor(_tokens->saveImage, "Save the image with its AOVs as EXR", path),
+    };
+}
+
+bool HdTrapezeRunCommand(trz_session* session, TfToken const& command, HdCommandArgs const& args) {
+    auto const found = args.find(_tokens->path.GetString());
+    std::string const path =
+        found == args.end() ? std::string() : found->second.GetWithDefault<std::string>();
+    if (!session || path.empty()) {
+        TF_WARN("Trapeze: the command %s needs a path", command.GetText());
+        return false;
+    }
+    if (command == _tokens->dumpScene) {
+        return _DumpScene(session, path);
+    }
+    if (command == _tokens->saveImage) {
+        return _SaveImage(session, path);
+    }
+    TF_WARN("Trapeze: there is no command %s", command.GetText());
+    return false;
+}
+
+PXR_NAMESPACE_CLOSE_SCOPE
