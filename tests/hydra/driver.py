@@ -1,4 +1,4 @@
-"""Runs scripts in a process of the configured OpenUSD, and the same scenes through `hdtrapeze record`.
+"""Runs scripts in a process of the configured OpenUSD, and scenes through `hdtrapeze record`.
 
 The test process has usd-core's `pxr`, which knows no Hydra, so hosts are processes of their own.
 """

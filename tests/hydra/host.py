@@ -8,7 +8,7 @@ import sys
 import time
 from pathlib import Path
 
-from pxr import CameraUtil, Gf, Sdf, Usd, UsdAppUtils, UsdGeom, UsdImagingGL, Vt
+from pxr import CameraUtil, Gf, Sdf, Usd, UsdAppUtils, UsdGeom, UsdImagingGL, Vt  # noqa: F401
 
 PLUGIN = "HdTrapezeRendererPlugin"
 _told = {}

@@ -1,4 +1,4 @@
-"""The OpenUSD whose Hydra is tested, as scripts/hydra.sh describes it, and the plugin built for it."""
+"""The OpenUSD whose Hydra is tested, as scripts/hydra.sh describes it, and the plugin for it."""
 
 import os
 import sys
@@ -23,7 +23,7 @@ def python() -> str:
 
 
 def environment(scene_index: bool) -> dict[str, str]:
-    """Variables of a host: its `pxr` and libraries, the plugin, and which way scenes reach Hydra."""
+    """Variables of a host: its `pxr`, libraries, plugin, and which way scenes reach Hydra."""
     root = os.environ.get("OPENUSD_ROOT")
     kept = {
         k: v for k, v in os.environ.items() if not k.startswith(("PXR_", "USDIMAGING", "PYTHON"))
