@@ -12,6 +12,8 @@ pub enum State {
     Preparing,
     /// Tracing rays.
     Rendering,
+    /// A render waits for the end of a pause.
+    Paused,
     /// Nothing; every sample was taken.
     Finished,
     /// Nothing; the last commit or render was cancelled.
@@ -21,9 +23,9 @@ pub enum State {
 }
 
 impl State {
-    /// True while threads of the session are at work.
+    /// True while a commit or render has not come to its end.
     pub fn is_running(self) -> bool {
-        matches!(self, State::Preparing | State::Rendering)
+        matches!(self, State::Preparing | State::Rendering | State::Paused)
     }
 }
 
@@ -38,7 +40,7 @@ pub struct Progress {
     pub samples_done: u32,
     /// Samples a pixel that were asked for.
     pub samples_total: u32,
-    /// Since the commit or render began, up to its end.
+    /// Since the commit or render began, up to its end; pauses that are over do not count.
     pub seconds: f64,
     /// Estimate of what remains, where there is one.
     pub seconds_left: Option<f64>,

@@ -15,7 +15,7 @@ use hdtrapeze_core::diagnostics::{Code, Warning};
 use hdtrapeze_core::dump::dump;
 use hdtrapeze_core::memory;
 use hdtrapeze_core::render::{
-    Frame, Prepared, RenderControl, WorldHit, WorldRay, prepare_with, render,
+    Frame, Prepared, RenderControl, RenderStatistics, WorldHit, WorldRay, prepare_with, render,
 };
 use hdtrapeze_core::scene::{PrimId, RenderSettings, Scene};
 use hdtrapeze_core::surface::SubdivisionFactory;
@@ -247,6 +247,14 @@ impl Session {
         self.shared.request_cancel();
         self.shared.wait(None);
         self.shared.check()
+    }
+
+    /// Has renders wait with the samples that they have, from the next tile on, or go on. A commit goes
+    /// on to its end; a render that is started during a pause waits before its first sample.
+    pub fn pause(&self, paused: bool) -> Result<(), Error> {
+        self.shared.check()?;
+        self.shared.pause(paused);
+        Ok(())
     }
 
     /// How far the session is.
@@ -547,11 +555,23 @@ fn render_all(
         };
         render(prepared, frame, &control)
     };
-    let result = shared.guard(|| pool.install(work));
-    let Ok(statistics) = result else {
-        tracing::error!("the renderer failed; the session can only be destroyed");
-        return;
+    let mut statistics = RenderStatistics {
+        cancelled: true,
+        ..RenderStatistics::default()
     };
+    // A render that was interrupted goes on from the samples that its film has.
+    while shared.wait_for_resume() {
+        let Ok(more) = shared.guard(|| pool.install(work)) else {
+            tracing::error!("the renderer failed; the session can only be destroyed");
+            return;
+        };
+        statistics.seconds += more.seconds;
+        statistics.counts = statistics.counts + more.counts;
+        statistics.cancelled = more.cancelled;
+        if !more.cancelled {
+            break;
+        }
+    }
     for warning in prepared.late_warnings() {
         shared.log.warn_once(&warning);
     }

@@ -44,6 +44,10 @@ pub(crate) struct Status {
     pub state: State,
     pub run: Run,
     pub cancel: Arc<AtomicBool>,
+    /// Renders are to wait; `cancel` interrupts one for it.
+    pub paused: bool,
+    /// What runs is to end, whether paused or not.
+    pub ending: bool,
     pub committed: Option<Committed>,
     pub rendered: Option<Rendered>,
     pub statistics: Statistics,
@@ -84,6 +88,7 @@ impl Shared {
             ..Run::default()
         };
         status.cancel = cancel.clone();
+        status.ending = false;
         cancel
     }
 
@@ -123,7 +128,47 @@ impl Shared {
 
     /// Asks what runs to stop.
     pub fn request_cancel(&self) {
-        self.status().cancel.store(true, Ordering::Relaxed);
+        let mut status = self.status();
+        status.ending = true;
+        status.cancel.store(true, Ordering::Relaxed);
+        drop(status);
+        self.changed.notify_all();
+    }
+
+    /// Has renders wait, or go on.
+    pub fn pause(&self, paused: bool) {
+        let mut status = self.status();
+        status.paused = paused;
+        if paused && status.state == State::Rendering {
+            status.cancel.store(true, Ordering::Relaxed);
+        }
+        drop(status);
+        self.changed.notify_all();
+    }
+
+    /// Waits while renders are to wait. True where the render is to go on.
+    pub fn wait_for_resume(&self) -> bool {
+        let mut status = self.status();
+        let since = Instant::now();
+        while status.paused && !status.ending {
+            status.state = State::Paused;
+            status = self
+                .changed
+                .wait(status)
+                .unwrap_or_else(PoisonError::into_inner);
+        }
+        if status.ending {
+            return false;
+        }
+        status.cancel.store(false, Ordering::Relaxed);
+        if status.state == State::Paused {
+            status.state = State::Rendering;
+            let run = &mut status.run;
+            for instant in [&mut run.began, &mut run.rendering_since] {
+                *instant = instant.map(|instant| instant + since.elapsed());
+            }
+        }
+        true
     }
 
     /// Refuses where an earlier call panicked.
@@ -138,6 +183,7 @@ impl Shared {
     pub fn poison(&self, why: &str) {
         let mut status = self.status();
         status.failure.get_or_insert_with(|| why.to_owned());
+        status.ending = true;
         status.cancel.store(true, Ordering::Relaxed);
         drop(status);
         self.end(State::Failed);

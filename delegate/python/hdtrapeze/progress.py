@@ -5,7 +5,7 @@ import sys
 
 from tqdm import tqdm
 
-STATES = {1: "preparing", 2: "rendering"}
+STATES = {1: "preparing", 2: "rendering", 6: "paused"}
 
 
 class ProgressBar:

@@ -384,6 +384,9 @@
 // Failed; trz_render_wait tells why.
 #define TRZ_STATE_FAILED 5
 
+// A render waits, with the samples that it has (trz_render_pause).
+#define TRZ_STATE_PAUSED 6
+
 // A session: scene, renderer and images. Made by trz_session_create.
 typedef struct trz_session trz_session;
 
@@ -897,7 +900,7 @@ typedef struct trz_progress {
   uint32_t samples_done;
   // Samples a pixel that were asked for.
   uint32_t samples_total;
-  // Seconds since the start (of the commit or render), up to its end.
+  // Seconds since the start (of the commit or render), up to its end, without pauses that are over.
   double seconds;
   // Estimate; negative while unknown.
   double seconds_left;
@@ -1438,6 +1441,15 @@ trz_result trz_render_wait(struct trz_session *session, double seconds, uint32_t
 // Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_BUSY (inside a log callback), TRZ_ERROR_POISONED.
 // Threads: any.
 trz_result trz_render_cancel(struct trz_session *session);
+
+// Has renders wait with the samples that they have (1), or go on from there (0, as created). AOVs can be
+// read meanwhile. Never waits: tiles that were begun are still rendered. A commit is not held up, and a
+// render that is started during a pause waits before its first sample. trz_render_cancel and edits
+// work as always; the pause stays until it is ended.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_POISONED. Threads: any.
+trz_result trz_render_pause(struct trz_session *session,
+                            uint32_t paused);
 
 // Fills out, whose struct_size the caller has set. Never waits.
 //

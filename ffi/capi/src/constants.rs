@@ -268,3 +268,5 @@ pub const TRZ_STATE_FINISHED: u32 = 3;
 pub const TRZ_STATE_CANCELLED: u32 = 4;
 /// Failed; trz_render_wait tells why.
 pub const TRZ_STATE_FAILED: u32 = 5;
+/// A render waits, with the samples that it has (trz_render_pause).
+pub const TRZ_STATE_PAUSED: u32 = 6;

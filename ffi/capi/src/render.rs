@@ -128,6 +128,22 @@ pub unsafe extern "C" fn trz_render_cancel(session: *mut trz_session) -> trz_res
     unsafe { with_session(session, |session| Ok(session.cancel()?)) }
 }
 
+/// Has renders wait with the samples that they have (1), or go on from there (0, as created). AOVs can be
+/// read meanwhile. Never waits: tiles that were begun are still rendered. A commit is not held up, and a
+/// render that is started during a pause waits before its first sample. trz_render_cancel and edits
+/// work as always; the pause stays until it is ended.
+///
+/// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_POISONED. Threads: any.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trz_render_pause(session: *mut trz_session, paused: u32) -> trz_result {
+    // SAFETY: the caller passes null or a live session.
+    unsafe {
+        with_session(session, |session| {
+            Ok(session.pause(input::flag(paused, "paused")?)?)
+        })
+    }
+}
+
 /// Fills out, whose struct_size the caller has set. Never waits.
 ///
 /// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT (struct_size), TRZ_ERROR_POISONED.

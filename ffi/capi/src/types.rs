@@ -562,7 +562,7 @@ pub struct trz_progress {
     pub samples_done: u32,
     /// Samples a pixel that were asked for.
     pub samples_total: u32,
-    /// Seconds since the start (of the commit or render), up to its end.
+    /// Seconds since the start (of the commit or render), up to its end, without pauses that are over.
     pub seconds: f64,
     /// Estimate; negative while unknown.
     pub seconds_left: f64,

@@ -23,6 +23,7 @@ pub(crate) fn progress_to_c(from: &Progress) -> trz_progress {
             State::Idle => TRZ_STATE_IDLE,
             State::Preparing => TRZ_STATE_PREPARING,
             State::Rendering => TRZ_STATE_RENDERING,
+            State::Paused => TRZ_STATE_PAUSED,
             State::Finished => TRZ_STATE_FINISHED,
             State::Cancelled => TRZ_STATE_CANCELLED,
             State::Failed => TRZ_STATE_FAILED,

@@ -167,6 +167,7 @@ fn enums_flags_and_strings() {
         fails(trz_prim_set_double_sided(s, mesh, 2), bad);
         fails(trz_session_set_log(s, None, null_mut(), 4), bad);
         fails(trz_render_wait(s, f64::NAN, &mut 0), bad);
+        fails(trz_render_pause(s, 2), bad);
         let not_utf8 = c"\xff\xfe";
         fails(trz_mesh_create(s, not_utf8.as_ptr(), &mut 0), bad);
         fails(

@@ -122,6 +122,76 @@ fn cancel_keeps_what_was_rendered() {
     assert!(session.wait(0.0));
 }
 
+/// Waits until the session is so; gives the progress.
+fn until(session: &Session, is_so: impl Fn(&trz_progress) -> bool) -> trz_progress {
+    let begin = Instant::now();
+    loop {
+        let progress = session.progress();
+        if is_so(&progress) {
+            return progress;
+        }
+        assert!(
+            begin.elapsed() < Duration::from_secs(60),
+            "state {}",
+            progress.state
+        );
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
+#[test]
+fn a_pause_keeps_samples_and_changes_no_image() {
+    let session = Session::with_camera();
+    session.square("/square", 0.0);
+    session.set_samples(2000);
+    ok(session.start());
+    until(&session, |progress| progress.samples_done > 0);
+    ok(session.pause(1));
+    let paused = until(&session, |progress| progress.state == TRZ_STATE_PAUSED);
+    assert!(paused.fraction > 0.0 && paused.fraction < 1.0 && paused.seconds_left < 0.0);
+    assert!(!session.wait(0.02), "it has not come to its end");
+    assert_eq!(session.progress().fraction, paused.fraction, "it went on");
+    assert_eq!(read_color(&session).len(), 32 * 32 * 4);
+    ok(session.pause(0));
+    assert!(session.wait(-1.0));
+    let progress = session.progress();
+    assert_eq!(
+        (progress.state, progress.samples_done),
+        (TRZ_STATE_FINISHED, 2000)
+    );
+    let rays = session.statistics().rays;
+    let pixels = read_color(&session);
+    ok(session.start());
+    assert!(session.wait(-1.0));
+    assert_eq!(read_color(&session), pixels);
+    assert_eq!(session.statistics().rays, rays, "samples were taken twice");
+}
+
+#[test]
+fn what_is_started_in_a_pause_waits_and_can_be_cancelled() {
+    let session = Session::with_camera();
+    session.square("/square", 0.0);
+    ok(session.pause(1));
+    ok(session.start());
+    let progress = until(&session, |progress| progress.state == TRZ_STATE_PAUSED);
+    assert_eq!((progress.samples_done, progress.fraction), (0, 0.0));
+    ok(session.cancel());
+    assert_eq!(session.progress().state, TRZ_STATE_CANCELLED);
+    ok(session.start());
+    until(&session, |progress| progress.state == TRZ_STATE_PAUSED);
+    session.square("/other", 1.0);
+    ok(session.commit());
+    assert_eq!(session.progress().state, TRZ_STATE_IDLE, "edits end it");
+    ok(session.start());
+    ok(session.pause(0));
+    assert!(session.wait(-1.0));
+    assert_eq!(session.progress().state, TRZ_STATE_FINISHED);
+    ok(session.pause(1));
+    assert_eq!(session.progress().state, TRZ_STATE_FINISHED);
+    ok(session.start());
+    drop(session);
+}
+
 #[test]
 fn edits_stop_a_running_render_and_empty_commits_do_not() {
     let session = Session::with_camera();

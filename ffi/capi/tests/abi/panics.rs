@@ -50,6 +50,7 @@ fn a_panic_poisons_its_session_only() {
     unsafe {
         fails(session.commit(), poisoned);
         fails(session.cancel(), poisoned);
+        fails(session.pause(1), poisoned);
         fails(trz_render_wait(s, -1.0, &mut 0), poisoned);
         fails(trz_mesh_create(s, c"/a".as_ptr(), &mut 0), poisoned);
         fails(trz_prim_remove(s, 1), poisoned);

@@ -194,6 +194,11 @@ impl Session {
         unsafe { trz_render_start(self.0) }
     }
 
+    pub fn pause(&self, paused: u32) -> trz_result {
+        // SAFETY: a live session.
+        unsafe { trz_render_pause(self.0, paused) }
+    }
+
     pub fn cancel(&self) -> trz_result {
         // SAFETY: a live session.
         unsafe { trz_render_cancel(self.0) }
