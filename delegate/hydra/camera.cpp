@@ -28,10 +28,7 @@ double _ExposureScale(HdSceneDelegate* delegate, SdfPath const& id, HdCamera con
 
 // One number of the lens that changes. Scene delegates of the older kind give samples in the units
 // of USD's attributes, tenths of Hydra's: the value that Hydra has tells.
-struct _Track {
-    std::vector<double> times;
-    std::vector<double> values;
-
+struct _Track : HdTrapezeSamples<double> {
     _Track(HdSceneDelegate* delegate, SdfPath const& id, TfToken const& name, double now,
            GfInterval const& shutter) {
         auto const samples = HdTrapezeSamplePrimvar(delegate, id, name, shutter);
@@ -55,17 +52,7 @@ struct _Track {
         }
     }
 
-    double At(double time, double now) const {
-        if (times.empty()) {
-            return now;
-        }
-        size_t const after = std::upper_bound(times.begin(), times.end(), time) - times.begin();
-        if (after == 0 || after == times.size()) {
-            return after == 0 ? values.front() : values.back();
-        }
-        double const part = (time - times[after - 1]) / (times[after] - times[after - 1]);
-        return values[after - 1] + part * (values[after] - values[after - 1]);
-    }
+    double At(double time, double now) const { return HdTrapezeAt(*this, time, now); }
 };
 
 // The lens at every instant at which one of its numbers has a sample; none where it stays as it is.

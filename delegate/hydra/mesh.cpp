@@ -1,27 +1,13 @@
 #include "mesh.h"
 
+#include "words.h"
+
 #include "pxr/imaging/hd/meshTopology.h"
 #include "pxr/imaging/pxOsd/tokens.h"
-
-#include <map>
 
 PXR_NAMESPACE_OPEN_SCOPE
 
 namespace {
-
-// The value of a word; the fallback where the word is empty. What is unknown gives a warning.
-uint32_t _Find(std::map<TfToken, uint32_t> const& words, TfToken const& word, uint32_t fallback,
-               SdfPath const& id) {
-    auto const found = words.find(word);
-    if (found != words.end()) {
-        return found->second;
-    }
-    if (!word.IsEmpty()) {
-        TF_WARN("Trapeze <%s>: unknown word %s; USD's fallback is used", id.GetText(),
-                word.GetText());
-    }
-    return fallback;
-}
 
 uint32_t _Scheme(TfToken const& word, SdfPath const& id) {
     static std::map<TfToken, uint32_t> const words = {
@@ -30,7 +16,7 @@ uint32_t _Scheme(TfToken const& word, SdfPath const& id) {
         {PxOsdOpenSubdivTokens->bilinear, TRZ_SCHEME_BILINEAR},
         {PxOsdOpenSubdivTokens->none, TRZ_SCHEME_NONE},
     };
-    return _Find(words, word, TRZ_SCHEME_CATMULL_CLARK, id);
+    return HdTrapezeWord(words, word, TRZ_SCHEME_CATMULL_CLARK, id);
 }
 
 uint32_t _Boundary(TfToken const& word, SdfPath const& id) {
@@ -39,7 +25,7 @@ uint32_t _Boundary(TfToken const& word, SdfPath const& id) {
         {PxOsdOpenSubdivTokens->edgeOnly, TRZ_BOUNDARY_EDGE_ONLY},
         {PxOsdOpenSubdivTokens->edgeAndCorner, TRZ_BOUNDARY_EDGE_AND_CORNER},
     };
-    return _Find(words, word, TRZ_BOUNDARY_EDGE_AND_CORNER, id);
+    return HdTrapezeWord(words, word, TRZ_BOUNDARY_EDGE_AND_CORNER, id);
 }
 
 uint32_t _FaceVarying(TfToken const& word, SdfPath const& id) {
@@ -51,7 +37,7 @@ uint32_t _FaceVarying(TfToken const& word, SdfPath const& id) {
         {PxOsdOpenSubdivTokens->boundaries, TRZ_FVAR_BOUNDARIES},
         {PxOsdOpenSubdivTokens->all, TRZ_FVAR_ALL},
     };
-    return _Find(words, word, TRZ_FVAR_CORNERS_PLUS1, id);
+    return HdTrapezeWord(words, word, TRZ_FVAR_CORNERS_PLUS1, id);
 }
 
 uint32_t _Triangles(TfToken const& word, SdfPath const& id) {
@@ -59,7 +45,7 @@ uint32_t _Triangles(TfToken const& word, SdfPath const& id) {
         {PxOsdOpenSubdivTokens->catmullClark, TRZ_TRIANGLES_CATMULL_CLARK},
         {PxOsdOpenSubdivTokens->smooth, TRZ_TRIANGLES_SMOOTH},
     };
-    return _Find(words, word, TRZ_TRIANGLES_CATMULL_CLARK, id);
+    return HdTrapezeWord(words, word, TRZ_TRIANGLES_CATMULL_CLARK, id);
 }
 
 void _SetTopology(trz_id prim, SdfPath const& id, HdMeshTopology const& topology,
@@ -78,9 +64,7 @@ void _SetTopology(trz_id prim, SdfPath const& id, HdMeshTopology const& topology
     desc.boundary = _Boundary(tags.GetVertexInterpolationRule(), id);
     desc.face_varying = _FaceVarying(tags.GetFaceVaryingInterpolationRule(), id);
     desc.triangles = _Triangles(tags.GetTriangleSubdivision(), id);
-    desc.orientation = topology.GetOrientation() == PxOsdOpenSubdivTokens->leftHanded
-                           ? TRZ_ORIENTATION_LEFT_HANDED
-                           : TRZ_ORIENTATION_RIGHT_HANDED;
+    desc.orientation = HdTrapezeOrientation(topology.GetOrientation());
     desc.face_vertex_counts = counts.cdata();
     desc.face_count = counts.size();
     desc.face_vertex_indices = indices.cdata();
@@ -119,14 +103,14 @@ void _SetSubsets(trz_id prim, SdfPath const& id, HdGeomSubsets const& subsets,
 
 } // namespace
 
-void HdTrapezeMesh::_SyncShape(trz_id prim, HdSceneDelegate* delegate, HdTrapezeRenderParam& param,
-                               HdDirtyBits bits) {
+void HdTrapezeMesh::_SyncShape(HdTrapezePrim const& prim, HdSceneDelegate* delegate,
+                               HdTrapezeRenderParam& param, HdDirtyBits bits) {
     SdfPath const& id = GetId();
     if (HdChangeTracker::IsTopologyDirty(bits, id) ||
         HdChangeTracker::IsSubdivTagsDirty(bits, id)) {
         HdMeshTopology const topology = GetMeshTopology(delegate);
-        _SetTopology(prim, id, topology, GetSubdivTags(delegate), param);
-        _SetSubsets(prim, id, topology.GetGeomSubsets(), param);
+        _SetTopology(prim.Id(), id, topology, GetSubdivTags(delegate), param);
+        _SetSubsets(prim.Id(), id, topology.GetGeomSubsets(), param);
     }
 }
 

@@ -15,8 +15,8 @@ public:
         : HdTrapezeRprim(id, trz_mesh_create, HdTrapezePrim::Points::Yes) {}
 
 private:
-    void _SyncShape(trz_id prim, HdSceneDelegate* delegate, HdTrapezeRenderParam& param,
-                    HdDirtyBits bits) override;
+    void _SyncShape(HdTrapezePrim const& prim, HdSceneDelegate* delegate,
+                    HdTrapezeRenderParam& param, HdDirtyBits bits) override;
 };
 
 PXR_NAMESPACE_CLOSE_SCOPE

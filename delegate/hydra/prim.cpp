@@ -62,7 +62,8 @@ bool HdTrapezePrim::Sync(HdRprim const& rprim, HdSceneDelegate* delegate,
     SdfPath const& id = rprim.GetId();
     bool const created = _id == 0;
     if (created) {
-        if (!param.Session() || !param.Edit(_create(param.Session(), id.GetText(), &_id), id)) {
+        if (!_create || !param.Session() ||
+            !param.Edit(_create(param.Session(), id.GetText(), &_id), id)) {
             return false;
         }
         param.AddPrim(id, this);
@@ -129,8 +130,7 @@ void HdTrapezePrim::Include(SdfPath const& id, bool included, HdTrapezeRenderPar
 
 void HdTrapezePrim::_SyncTransform(SdfPath const& id, HdSceneDelegate* delegate,
                                    HdTrapezeRenderParam& param) {
-    auto const samples =
-        HdTrapezeSampleTransform(delegate, id, param.Shutter() * GfInterval(_reach));
+    auto const samples = HdTrapezeSampleTransform(delegate, id, Shutter(param));
     trz_transform_samples const level = {
         samples.times.data(),
         samples.values.empty() ? nullptr : samples.values.front().GetArray(),
@@ -149,7 +149,15 @@ void HdTrapezePrim::_SyncMotion(SdfPath const& id, HdSceneDelegate* delegate,
     } else if (blur.IsHolding<double>()) {
         scale = blur.UncheckedGet<double>();
     }
-    int const count = delegate->Get(id, HdTokens->nonlinearSampleCount).GetWithDefault<int>(0);
+    // Some hosts have USD's fallback where nothing is authored; as many as needed are better.
+    auto const constants = delegate->GetPrimvarDescriptors(id, HdInterpolationConstant);
+    bool const authored =
+        std::any_of(constants.begin(), constants.end(), [](HdPrimvarDescriptor const& primvar) {
+            return primvar.name == HdTokens->nonlinearSampleCount;
+        });
+    VtValue const samples =
+        authored ? delegate->Get(id, HdTokens->nonlinearSampleCount) : VtValue();
+    int const count = samples.GetWithDefault<int>(0);
     // Samples are needed around the scaled shutter, too.
     _reach = scale > 1.0 ? scale : 1.0;
     uint32_t const keys = count > 0 ? static_cast<uint32_t>(count) : 0;
@@ -158,7 +166,7 @@ void HdTrapezePrim::_SyncMotion(SdfPath const& id, HdSceneDelegate* delegate,
 
 void HdTrapezePrim::_SyncPoints(SdfPath const& id, HdSceneDelegate* delegate,
                                 HdTrapezeRenderParam& param) {
-    GfInterval const shutter = param.Shutter() * GfInterval(_reach);
+    GfInterval const shutter = Shutter(param);
     HdExtComputationPrimvarDescriptor computed;
     bool const isComputed = _FindComputed(delegate, id, HdTokens->points, &computed);
     auto const points = isComputed

@@ -19,6 +19,7 @@ public:
     /// Where a kind of Rprim has points, with velocities and accelerations.
     enum class Points { No, Yes };
 
+    /// Without `create` there is nothing to render.
     HdTrapezePrim(Create create, Points points) : _create(create), _points(points) {}
 
     trz_id Id() const { return _id; }
@@ -33,6 +34,11 @@ public:
     void Include(SdfPath const& id, bool included, HdTrapezeRenderParam& param);
 
     TfToken const& RenderTag() const { return _renderTag; }
+
+    /// The interval that what moves this prim is sampled for: the shutter, scaled with its blur.
+    GfInterval Shutter(HdTrapezeRenderParam const& param) const {
+        return param.Shutter() * GfInterval(_reach);
+    }
 
     /// Hydra's refine level.
     int RefineLevel() const { return _refineLevel; }

@@ -1,13 +1,19 @@
 #include "renderDelegate.h"
 
+#include "basisCurves.h"
 #include "camera.h"
 #include "commands.h"
+#include "implicit.h"
 #include "instancer.h"
 #include "light.h"
 #include "mesh.h"
+#include "nurbsCurves.h"
+#include "nurbsPatch.h"
+#include "points.h"
 #include "renderBuffer.h"
 #include "renderPass.h"
 #include "tokens.h"
+#include "unsupported.h"
 
 #include "pxr/imaging/hd/extComputation.h"
 #include "pxr/imaging/hd/resourceRegistry.h"
@@ -28,6 +34,10 @@ TfTokenVector const& _Lights() {
         HdPrimTypeTokens->diskLight,    HdPrimTypeTokens->cylinderLight,
     };
     return types;
+}
+
+bool _Has(TfTokenVector const& types, TfToken const& type) {
+    return std::find(types.begin(), types.end(), type) != types.end();
 }
 
 // A setting as a number or truth value of the type; `fallback` where the host gave none or another.
@@ -69,7 +79,15 @@ HdTrapezeRenderDelegate::~HdTrapezeRenderDelegate() {
 }
 
 TfTokenVector const& HdTrapezeRenderDelegate::GetSupportedRprimTypes() const {
-    static TfTokenVector const types = {HdPrimTypeTokens->mesh};
+    static TfTokenVector const types = [] {
+        TfTokenVector types = {HdPrimTypeTokens->mesh, HdPrimTypeTokens->basisCurves,
+                               HdPrimTypeTokens->points, HdPrimTypeTokens->nurbsPatch,
+                               HdPrimTypeTokens->nurbsCurves};
+        for (auto const& more : {HdTrapezeImplicit::Types(), HdTrapezeUnsupported::Types()}) {
+            types.insert(types.end(), more.begin(), more.end());
+        }
+        return types;
+    }();
     return types;
 }
 
@@ -202,6 +220,24 @@ HdRprim* HdTrapezeRenderDelegate::CreateRprim(TfToken const& type, SdfPath const
     if (type == HdPrimTypeTokens->mesh) {
         return new HdTrapezeMesh(id);
     }
+    if (type == HdPrimTypeTokens->basisCurves) {
+        return new HdTrapezeBasisCurves(id);
+    }
+    if (type == HdPrimTypeTokens->points) {
+        return new HdTrapezePoints(id);
+    }
+    if (type == HdPrimTypeTokens->nurbsPatch) {
+        return new HdTrapezeNurbsPatch(id);
+    }
+    if (type == HdPrimTypeTokens->nurbsCurves) {
+        return new HdTrapezeNurbsCurves(id);
+    }
+    if (_Has(HdTrapezeImplicit::Types(), type)) {
+        return new HdTrapezeImplicit(id, type);
+    }
+    if (_Has(HdTrapezeUnsupported::Types(), type)) {
+        return new HdTrapezeUnsupported(id, type);
+    }
     TF_CODING_ERROR("Trapeze: no prims of type %s", type.GetText());
     return nullptr;
 }
@@ -215,7 +251,7 @@ HdSprim* HdTrapezeRenderDelegate::CreateSprim(TfToken const& type, SdfPath const
     if (type == HdPrimTypeTokens->extComputation) {
         return new HdExtComputation(id);
     }
-    if (std::find(_Lights().begin(), _Lights().end(), type) != _Lights().end()) {
+    if (_Has(_Lights(), type)) {
         return new HdTrapezeLight(id, type);
     }
     TF_CODING_ERROR("Trapeze: no state of type %s", type.GetText());

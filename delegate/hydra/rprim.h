@@ -13,6 +13,17 @@
 
 PXR_NAMESPACE_OPEN_SCOPE
 
+/// A prim that Hydra has no base class for.
+class HdTrapezePlainRprim : public HdRprim {
+public:
+    using HdRprim::HdRprim;
+
+    TfTokenVector const& GetBuiltinPrimvarNames() const override {
+        static TfTokenVector const none;
+        return none;
+    }
+};
+
 /// An Rprim over one of Hydra's base classes: what they have in common is HdTrapezePrim's, their
 /// shape is _SyncShape's.
 template <class Base> class HdTrapezeRprim : public Base {
@@ -33,7 +44,7 @@ public:
         HdInstancer::_SyncInstancerAndParents(delegate->GetRenderIndex(), this->GetInstancerId());
         bool const created = _prim.Id() == 0;
         if (_prim.Sync(*this, delegate, param, bits)) {
-            _SyncShape(_prim.Id(), delegate, param,
+            _SyncShape(_prim, delegate, param,
                        created ? HdDirtyBits(HdChangeTracker::AllDirty) : bits);
         }
         *dirtyBits &= ~HdChangeTracker::AllSceneDirtyBits;
@@ -46,8 +57,8 @@ public:
 
 protected:
     /// Pulls what this kind of prim alone has, where it is dirty.
-    virtual void _SyncShape(trz_id prim, HdSceneDelegate* delegate, HdTrapezeRenderParam& param,
-                            HdDirtyBits bits) = 0;
+    virtual void _SyncShape(HdTrapezePrim const&, HdSceneDelegate*, HdTrapezeRenderParam&,
+                            HdDirtyBits) {}
 
     HdDirtyBits _PropagateDirtyBits(HdDirtyBits bits) const final { return bits; }
 

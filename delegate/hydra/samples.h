@@ -40,6 +40,20 @@ HdTrapezeSamples<T> HdTrapezeSorted(HdTimeSampleArray<T, Capacity> const& given)
     return samples;
 }
 
+/// The value at a time, linear between samples and held outside; `fallback` where there are none.
+inline double HdTrapezeAt(HdTrapezeSamples<double> const& samples, double time, double fallback) {
+    auto const& times = samples.times;
+    if (times.empty()) {
+        return fallback;
+    }
+    size_t const after = std::upper_bound(times.begin(), times.end(), time) - times.begin();
+    if (after == 0 || after == times.size()) {
+        return after == 0 ? samples.values.front() : samples.values.back();
+    }
+    double const part = (time - times[after - 1]) / (times[after] - times[after - 1]);
+    return samples.values[after - 1] + part * (samples.values[after] - samples.values[after - 1]);
+}
+
 /// The transform of a prim, to the space of its instancer's prototype or to the world.
 HdTrapezeSamples<GfMatrix4d> HdTrapezeSampleTransform(HdSceneDelegate* delegate, SdfPath const& id,
                                                       GfInterval const& shutter);

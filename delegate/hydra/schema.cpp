@@ -1,0 +1,49 @@
+#include "schema.h"
+
+#include "pxr/imaging/hd/renderIndex.h"
+#include "pxr/imaging/hd/sceneIndex.h"
+
+PXR_NAMESPACE_OPEN_SCOPE
+
+HdTrapezeSchema::HdTrapezeSchema(HdSceneDelegate* delegate, SdfPath const& id,
+                                 HdDataSourceLocator const& where)
+    : _delegate(delegate), _id(id) {
+    if (HdSceneIndexBaseRefPtr const scene = delegate->GetRenderIndex().GetTerminalSceneIndex()) {
+        if (HdContainerDataSourceHandle const prim = scene->GetPrim(id).dataSource) {
+            _fields = HdContainerDataSource::Cast(HdContainerDataSource::Get(prim, where));
+        }
+    }
+}
+
+HdSampledDataSourceHandle HdTrapezeSchema::_Find(TfToken const& field) const {
+    return _fields ? HdSampledDataSource::Cast(_fields->Get(field)) : nullptr;
+}
+
+VtValue HdTrapezeSchema::Get(TfToken const& field) const {
+    if (HdSampledDataSourceHandle const source = _Find(field)) {
+        return source->GetValue(0.0f);
+    }
+    return _fields ? VtValue() : _delegate->Get(_id, field);
+}
+
+HdTrapezeSamples<double> HdTrapezeSchema::Sample(TfToken const& field,
+                                                 GfInterval const& shutter) const {
+    HdSampledDataSourceHandle const source = _Find(field);
+    std::vector<HdSampledDataSource::Time> times;
+    if (!source ||
+        !source->GetContributingSampleTimesForInterval(
+            static_cast<float>(shutter.GetMin()), static_cast<float>(shutter.GetMax()), &times)) {
+        times = {0.0f};
+    }
+    HdTrapezeSamples<double> samples;
+    for (HdSampledDataSource::Time time : times) {
+        VtValue const value = VtValue::Cast<double>(source ? source->GetValue(time) : Get(field));
+        if (value.IsHolding<double>()) {
+            samples.times.push_back(time);
+            samples.values.push_back(value.UncheckedGet<double>());
+        }
+    }
+    return samples;
+}
+
+PXR_NAMESPACE_CLOSE_SCOPE
