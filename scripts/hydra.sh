@@ -16,6 +16,7 @@
 #   OPENUSD_LD_LIBRARY_PATH     what holds its libraries (lib)
 #   OPENUSD_PYTHON              the Python that it was built for (the one that .venv was made with)
 #   OPENUSD_USDRECORD           its usdrecord.py, where that is to be run as well
+#   OPENUSD_BLENDER             the folder that holds bpy, where the OpenUSD is Blender's
 set -euo pipefail
 cd "$(dirname "$0")/.."
 

@@ -1,0 +1,67 @@
+"""The Blender add-on, in Blender as a Python module."""
+
+import os
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from images import read_png
+
+import sdk
+
+SCRIPT = """
+import sys
+
+sys.path[:0] = [{blender!r}, {addon!r}]
+import bpy
+import hdtrapeze_engine
+
+hdtrapeze_engine.register()
+scene = bpy.context.scene
+scene.render.engine = "HDTRAPEZE"
+scene.render.resolution_x, scene.render.resolution_y = 96, 64
+scene.render.image_settings.color_mode = "RGBA"
+scene.hdtrapeze.samples = 16
+bpy.ops.object.select_all(action="SELECT")
+bpy.ops.object.delete()
+bpy.ops.object.camera_add(location=(0, 0, 8))
+scene.camera = camera = bpy.context.object
+bpy.ops.mesh.primitive_plane_add(size=2)
+camera.data.dof.use_dof = True
+camera.data.dof.focus_distance = 4
+for name, stop in (("sharp", 64), ("defocused", 0.5)):
+    camera.data.dof.aperture_fstop = stop
+    scene.render.filepath = name + ".png"
+    bpy.ops.render.render(write_still=True)
+hdtrapeze_engine.unregister()
+"""
+
+
+@pytest.mark.skipif(
+    sdk.configured() and not os.environ.get("OPENUSD_BLENDER"),
+    reason="OPENUSD_BLENDER does not name the folder that holds Blender's module bpy",
+)
+def test_blender_renders_with_the_engine_of_the_add_on(tmp_path):
+    addon = sdk.ROOT / "examples/blender"
+    blender = os.environ["OPENUSD_BLENDER"]
+    script = SCRIPT.format(blender=blender, addon=str(addon))
+    environment = sdk.environment(False) | {"HDTRAPEZE_PLUGIN": str(sdk.PLUGIN)}
+    del environment["PXR_PLUGINPATH_NAME"]
+    done = subprocess.run(
+        [sdk.python(), "-c", script],
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert done.returncode == 0, done.stderr[-2000:]
+    alphas = {n: read_png(Path(tmp_path, f"{n}.png"))[..., 3] / 255 for n in ("sharp", "defocused")}
+    areas = {name: alpha.mean() for name, alpha in alphas.items()}
+    edges = {n: ((a > 0.05) & (a < 0.95)).mean() for n, a in alphas.items()}
+    # Blender's camera has a film of 36 mm and a lens of 50: the plane fills 0.3472 of the width.
+    assert areas["sharp"] == pytest.approx((2 / 8 * 50 / 36) ** 2 * 96 / 64, rel=0.02)
+    assert areas["defocused"] == pytest.approx(areas["sharp"], rel=0.1)
+    assert edges["defocused"] > 3 * edges["sharp"]
+    assert np.all(alphas["sharp"][28:36, 40:56] > 0.99)
