@@ -7,6 +7,7 @@ Trapeze as the scene's render engine. The plugin must be built for Blender's own
 
 import os
 from pathlib import Path
+from typing import ClassVar
 
 import bpy
 
@@ -124,7 +125,7 @@ class TrapezePanel(bpy.types.Panel):
     bl_space_type = "PROPERTIES"
     bl_region_type = "WINDOW"
     bl_context = "render"
-    COMPAT_ENGINES = {TrapezeRenderEngine.bl_idname}
+    COMPAT_ENGINES: ClassVar = {TrapezeRenderEngine.bl_idname}
 
     @classmethod
     def poll(cls, context):

@@ -6,9 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from images import read_png
-
 import sdk
+from images import read_png
 
 SCRIPT = """
 import sys
