@@ -29,7 +29,7 @@ scene.camera = camera = bpy.context.object
 bpy.ops.mesh.primitive_plane_add(size=2)
 camera.data.dof.use_dof = True
 camera.data.dof.focus_distance = 4
-for name, stop in (("sharp", 64), ("defocused", 0.5)):
+for name, stop in (("sharp", 64), ("defocused", 0.1)):
     camera.data.dof.aperture_fstop = stop
     scene.render.filepath = name + ".png"
     bpy.ops.render.render(write_still=True)
