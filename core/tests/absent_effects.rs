@@ -26,6 +26,7 @@ fn frames(object: &ObjectGeometry) -> usize {
     match object.blas() {
         Blas::Static(t) => t.tree.frames.len(),
         Blas::Moving(t) => t.tree.frames.len(),
+        Blas::Relative(_) => 0,
     }
 }
 

@@ -153,7 +153,7 @@ fn check_tree<B: Bounds8>(
 }
 
 fn check_object(mesh: DicedMesh, times: &[f32]) -> Result<BvhStats, String> {
-    let object = ObjectGeometry::new(mesh);
+    let object = ObjectGeometry::plain(mesh);
     let mesh = object.mesh();
     let found = match object.blas() {
         Blas::Static(t) => {
@@ -163,6 +163,7 @@ fn check_object(mesh: DicedMesh, times: &[f32]) -> Result<BvhStats, String> {
             check_tree(mesh, t, t.tree.root, times)?
         }
         Blas::Moving(t) => check_tree(mesh, t, t.tree.root, times)?,
+        Blas::Relative(_) => return Err("not a plain tree".into()),
     };
     let mut found = found;
     found.sort_unstable();
@@ -324,10 +325,11 @@ fn whole_subtrees_of_combed_fur_share_frames() {
             check_object(combed(600, 0.003, &keys(k), 1), &[0.0, 0.3, 1.0]).expect("contained");
         assert_eq!((stats.blocks, stats.loose_groups), (0, 600 * 8));
         assert!(stats.oriented_nodes * 2 > stats.nodes, "{stats:?}");
-        let object = ObjectGeometry::new(combed(600, 0.003, &keys(k), 1));
+        let object = ObjectGeometry::plain(combed(600, 0.003, &keys(k), 1));
         let frames = match object.blas() {
             Blas::Static(t) => t.tree.frames.len(),
             Blas::Moving(t) => t.tree.frames.len(),
+            Blas::Relative(_) => 0,
         };
         assert!(frames as u64 * 3 < stats.nodes, "{frames} {stats:?}");
     }
@@ -359,9 +361,9 @@ fn strands_without_extent_or_all_in_one_place_build() {
 #[test]
 fn one_thread_turns_the_same_nodes() {
     let nodes = || {
-        let object = ObjectGeometry::new(combed(1500, 0.003, &keys(2), 1));
+        let object = ObjectGeometry::plain(combed(1500, 0.003, &keys(2), 1));
         match object.blas() {
-            Blas::Static(_) => String::new(),
+            Blas::Static(_) | Blas::Relative(_) => String::new(),
             Blas::Moving(t) => format!("{:?}", t.tree),
         }
     };

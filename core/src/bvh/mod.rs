@@ -22,12 +22,16 @@
 //! blocks ([`bound`]) and for subtrees over strands ([`orient`]). What does not move stores no second bounds: all
 //! nodes are generic over [`node::Bounds8`].
 //!
+//! **Curves.** Where raised chords bound motion badly, trees are built in a space that moves along with the
+//! object, or for halves of the shutter ([`relative`]).
+//!
 //! **Units.** Bounds are in the space of [`DicedMesh`](crate::grid::DicedMesh)'s positions for objects,
 //! and in world space relative to the world origin for the tree over instances.
 
 pub mod block;
 pub mod bound;
 pub mod build;
+pub mod carrier;
 pub mod frame;
 pub mod gather;
 pub mod group8;
@@ -36,13 +40,14 @@ pub mod linear;
 pub mod node;
 pub mod object;
 pub mod orient;
+pub mod relative;
 pub mod sorted;
 mod split;
 
 pub use build::Tree;
 pub use frame::Frame;
 pub use linear::LinearBox;
-pub use node::{Bounds8, LinearSlabs, Node, StaticSlabs, StoredBox};
+pub use node::{Bounds8, CarriedSlabs, LinearSlabs, Node, StaticSlabs, StoredBox};
 pub use object::{BvhStats, LOOSE, ObjectGeometry};
 
 /// Unit roundoff of f32: `|fl(x) - x| <= U |x|`.

@@ -29,6 +29,8 @@ type Bytes = [[[u8; 8]; 2]; 3];
 pub trait Bounds8: Clone + Copy + Send + Sync + std::fmt::Debug + 'static {
     /// True when the bounds change with time.
     const MOVING: bool;
+    /// True when vertices move: with the bounds, or in a space that moves along with them.
+    const KEYS: bool = Self::MOVING;
     /// The boxes that a tree of this kind is built by.
     type Hull: Hull;
     /// Packs the boxes of children, outward. Boxes in lanes without a child must be among those of the others.
@@ -92,6 +94,11 @@ pub struct Lattice8 {
 #[derive(Clone, Copy, Debug)]
 #[repr(transparent)]
 pub struct StaticSlabs(Lattice8);
+
+/// Bounds that do not move in a space that moves ([`super::carrier`]).
+#[derive(Clone, Copy, Debug)]
+#[repr(transparent)]
+pub struct CarriedSlabs(StaticSlabs);
 
 /// Bounds at both ends of the shutter, interpolated linearly.
 #[derive(Clone, Copy, Debug)]
@@ -215,6 +222,27 @@ impl Bounds8 for StaticSlabs {
     #[inline(always)]
     fn end(&self) -> &Lattice8 {
         &self.0
+    }
+}
+
+impl Bounds8 for CarriedSlabs {
+    const MOVING: bool = false;
+    const KEYS: bool = true;
+    type Hull = StaticHull;
+    #[inline(always)]
+    fn pack<S: Simd>(simd: S, boxes: &Boxes8<S::F8>) -> Self {
+        Self(StaticSlabs::pack(simd, boxes))
+    }
+    fn unpack(&self, slot: usize) -> StoredBox {
+        self.0.unpack(slot)
+    }
+    #[inline(always)]
+    fn start(&self) -> &Lattice8 {
+        self.0.start()
+    }
+    #[inline(always)]
+    fn end(&self) -> &Lattice8 {
+        self.0.end()
     }
 }
 

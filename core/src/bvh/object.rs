@@ -10,6 +10,7 @@ use super::build::{Nodes, PARALLEL_ITEMS, Tree, build_sorted};
 use super::gather::{Gathered, Part, gather, joined};
 use super::node::magnitude;
 use super::orient::Strands;
+use super::relative::{self, Built, Relative};
 use super::{Bounds8, LinearBox, LinearSlabs, Node, StaticSlabs};
 use crate::grid::{DicedMesh, PlanarMesh};
 
@@ -49,6 +50,8 @@ pub enum Blas {
     Static(BlockTree<StaticSlabs>),
     /// Bounds are linear in time.
     Moving(BlockTree<LinearSlabs>),
+    /// The same in a space that moves along, or for parts of the shutter.
+    Relative(Box<Relative>),
 }
 
 /// What a tree holds, in numbers.
@@ -106,10 +109,34 @@ impl ObjectGeometry {
     /// Builds the tree over a mesh, in parallel. Grids that cannot be traced (a vertex not finite, an
     /// index out of range) are left out and counted in [`BvhStats::dropped_grids`].
     pub fn new(mesh: DicedMesh) -> Self {
+        match relative::build(&mesh) {
+            Some(found) => Self::relative(mesh, found),
+            None => Self::plain(mesh),
+        }
+    }
+
+    /// The same with a single tree, in the mesh's own space, however it moves: for comparison.
+    pub fn plain(mesh: DicedMesh) -> Self {
         if mesh.is_moving() {
-            build_blocks(mesh, Blas::Moving)
+            build_blocks(mesh, false).object(Blas::Moving)
         } else {
-            build_blocks(mesh, Blas::Static)
+            build_blocks(mesh, false).object(Blas::Static)
+        }
+    }
+
+    fn relative(mesh: DicedMesh, found: Built) -> Self {
+        let mesh = PlanarMesh::from(mesh);
+        let stats = BvhStats {
+            cells: mesh.cell_count() as u64,
+            mesh_bytes: mesh.bytes() as u64,
+            ..found.stats
+        };
+        Self {
+            mesh,
+            blas: Blas::Relative(Box::new(found.relative)),
+            bounds: found.bounds,
+            radius: found.bounds.max_abs(),
+            stats,
         }
     }
 
@@ -141,10 +168,31 @@ impl ObjectGeometry {
     }
 }
 
-fn build_blocks<B: Bounds8>(
-    mesh: DicedMesh,
-    kind: impl Fn(BlockTree<B>) -> Blas,
-) -> ObjectGeometry {
+/// A mesh and its tree.
+pub(super) struct Blocks<B> {
+    mesh: PlanarMesh,
+    pub tree: BlockTree<B>,
+    bounds: LinearBox,
+    /// As [`ObjectGeometry::radius`].
+    pub radius: f32,
+    /// About the tree and the mesh.
+    pub stats: BvhStats,
+}
+
+impl<B> Blocks<B> {
+    fn object(self, kind: impl Fn(BlockTree<B>) -> Blas) -> ObjectGeometry {
+        ObjectGeometry {
+            mesh: self.mesh,
+            blas: kind(self.tree),
+            bounds: self.bounds,
+            radius: self.radius,
+            stats: self.stats,
+        }
+    }
+}
+
+/// Turns a mesh into planes and builds the tree over it, of full nodes where `full`, or where that costs no time.
+pub(super) fn build_blocks<B: Bounds8>(mesh: DicedMesh, full: bool) -> Blocks<B> {
     let (mesh, parts): (PlanarMesh, Vec<Part<B>>) = gather(mesh);
     let mut bounds = LinearBox::EMPTY;
     let (mut reach, mut strips, mut dropped) = (0.0f64, 0, 0);
@@ -162,7 +210,7 @@ fn build_blocks<B: Bounds8>(
     let oriented_blocks = frames.len() as u64 - 1;
     let (item_count, empty) = (items.len(), items.is_empty());
     // Where strands are most of the items, so many that memory counts, full nodes cost no time either.
-    let nodes = if 2 * strips > items.len() {
+    let nodes = if full || 2 * strips > items.len() {
         Nodes::Full
     } else {
         Nodes::Cheap
@@ -195,9 +243,9 @@ fn build_blocks<B: Bounds8>(
         bvh_bytes: (tree.bytes() + size_of_val(blocks.as_slice())) as u64,
         mesh_bytes: mesh.bytes() as u64,
     };
-    ObjectGeometry {
+    Blocks {
         mesh,
-        blas: kind(BlockTree { tree, blocks }),
+        tree: BlockTree { tree, blocks },
         bounds,
         radius,
         stats,

@@ -128,6 +128,7 @@ impl DicedMesh {
 
 /// Segment of `key_times` that holds `time` (clamped to the keys), and the fraction inside it. One
 /// key gives `(0, 0.0)`. The only place where a time becomes a segment.
+#[inline]
 pub fn locate_key(key_times: &[f32], time: f32) -> (usize, f32) {
     let n = key_times.len();
     if n < 2 {

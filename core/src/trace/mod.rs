@@ -17,6 +17,7 @@ pub mod packet;
 mod pairs;
 pub mod places;
 mod query;
+mod relative;
 pub mod shading;
 pub mod sides;
 mod traverse;

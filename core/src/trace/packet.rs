@@ -4,12 +4,11 @@
 //! formulas with the same pads, so the same proofs hold. Hits do not depend on who shares a packet.
 
 use glam::Vec3;
-use hdtrapeze_simd::{Float, Mask, Simd};
+use hdtrapeze_simd::{Float, Mask, Part, Simd};
 
 use super::cell::CellRay;
 use super::object_ray::{DIR_RANGE, LEAST_DIR, SLAB_PAD, TINY_PAD};
 use crate::bvh::{COORDINATE_LIMIT, Frame, U};
-use crate::grid::locate_key;
 
 /// Rays of a vector.
 pub const LANES: usize = 16;
@@ -117,6 +116,22 @@ impl<'a, S: Simd> Packet<'a, S> {
         radius: f32,
         pads: Option<&All>,
     ) -> Self {
+        simd.apart(NewPacket::<'_, '_, MOVING> {
+            rays,
+            lanes,
+            radius,
+            pads,
+        })
+    }
+
+    #[inline(always)]
+    fn prepare<const MOVING: bool>(
+        simd: S,
+        rays: &'a [Rays],
+        lanes: u64,
+        radius: f32,
+        pads: Option<&All>,
+    ) -> Self {
         let zero = simd.all16(0.0);
         let none = Slabs {
             to_start: [zero; 3],
@@ -136,26 +151,13 @@ impl<'a, S: Simd> Packet<'a, S> {
         for (v, rays) in rays.iter().enumerate().take(VECTORS) {
             let origin = load3(simd, &rays.origin);
             let dir = load3(simd, &rays.dir);
-            let reach = origin[0].abs().max(origin[1].abs()).max(origin[2].abs());
-            let longest = dir[0].abs().max(dir[1].abs()).max(dir[2].abs());
             let pad = match pads {
                 Some(pads) => simd.from16(&pads[v]),
-                None => (reach + simd.all16(radius)) * simd.all16(SLAB_PAD),
+                None => slab_pad(simd, &origin, radius),
             };
+            let longest = most(&dir);
             let pad = pad + (longest + simd.all16(1.0)) * simd.all16(TINY_PAD);
-            // Comparisons with NaN are false; each component is asked, since maxima may pass it over.
-            let limit = simd.all16(COORDINATE_LIMIT);
-            let most = simd.all16(*DIR_RANGE.end());
-            let sound = reach.lt(limit)
-                & simd.all16(*DIR_RANGE.start()).le(longest)
-                & (pad * simd.all16(LEAST_DIR)).le(longest)
-                & longest.le(most)
-                & origin[0].abs().lt(limit)
-                & origin[1].abs().lt(limit)
-                & origin[2].abs().lt(limit)
-                & dir[0].abs().le(most)
-                & dir[1].abs().le(most)
-                & dir[2].abs().le(most);
+            let sound = sound(simd, &origin, &dir, pad);
             packet.sound |= u64::from(sound.bits() & part(lanes, v)) << (LANES * v);
             if MOVING {
                 packet.time[v] = simd.from16(&rays.time);
@@ -195,8 +197,70 @@ impl<'a, S: Simd> Packet<'a, S> {
     }
 }
 
+/// A packet to be prepared.
+struct NewPacket<'a, 'b, const MOVING: bool> {
+    rays: &'a [Rays],
+    lanes: u64,
+    radius: f32,
+    pads: Option<&'b All>,
+}
+
+impl<'a, S: Simd, const MOVING: bool> Part<S> for NewPacket<'a, '_, MOVING> {
+    type Output = Packet<'a, S>;
+    #[inline(always)]
+    fn run(self, simd: S) -> Packet<'a, S> {
+        Packet::prepare::<MOVING>(simd, self.rays, self.lanes, self.radius, self.pads)
+    }
+}
+
+/// Those of the rays `lanes` that can be traced in an object of `radius`, in its own space.
 #[inline(always)]
-fn load3<S: Simd>(simd: S, x: &[Lanes; 3]) -> [S::F16; 3] {
+pub fn sound_rays<S: Simd>(simd: S, rays: &[Rays], lanes: u64, radius: f32) -> u64 {
+    let mut out = 0;
+    for (v, rays) in rays.iter().enumerate().take(VECTORS) {
+        let (origin, dir) = (load3(simd, &rays.origin), load3(simd, &rays.dir));
+        let tiny = (most(&dir) + simd.all16(1.0)) * simd.all16(TINY_PAD);
+        let pad = slab_pad(simd, &origin, radius) + tiny;
+        let sound = sound(simd, &origin, &dir, pad).bits();
+        out |= u64::from(sound & part(lanes, v)) << (LANES * v);
+    }
+    out
+}
+
+/// What slab tests are padded by at least, in a tree whose coordinates are up to `radius`.
+#[inline(always)]
+pub fn slab_pad<S: Simd>(simd: S, origin: &[S::F16; 3], radius: f32) -> S::F16 {
+    (most(origin) + simd.all16(radius)) * simd.all16(SLAB_PAD)
+}
+
+/// Largest magnitude of a component.
+#[inline(always)]
+pub fn most<F: Float<LANES>>(v: &[F; 3]) -> F {
+    v[0].abs().max(v[1].abs()).max(v[2].abs())
+}
+
+/// Rays that can be traced with these pads.
+#[inline(always)]
+fn sound<S: Simd>(simd: S, origin: &[S::F16; 3], dir: &[S::F16; 3], pad: S::F16) -> S::M16 {
+    let (reach, longest) = (most(origin), most(dir));
+    // Comparisons with NaN are false; each component is asked, since maxima may pass it over.
+    let limit = simd.all16(COORDINATE_LIMIT);
+    let most = simd.all16(*DIR_RANGE.end());
+    reach.lt(limit)
+        & simd.all16(*DIR_RANGE.start()).le(longest)
+        & (pad * simd.all16(LEAST_DIR)).le(longest)
+        & longest.le(most)
+        & origin[0].abs().lt(limit)
+        & origin[1].abs().lt(limit)
+        & origin[2].abs().lt(limit)
+        & dir[0].abs().le(most)
+        & dir[1].abs().le(most)
+        & dir[2].abs().le(most)
+}
+
+/// A vector of points or directions, by axis.
+#[inline(always)]
+pub fn load3<S: Simd>(simd: S, x: &[Lanes; 3]) -> [S::F16; 3] {
     [simd.from16(&x[0]), simd.from16(&x[1]), simd.from16(&x[2])]
 }
 
@@ -246,8 +310,8 @@ fn slabs<S: Simd>(
 
 /// Rays prepared for the micropolygons of one mesh; see [`CellRay`].
 pub struct CellRays {
-    /// Whether all rays agree on axes and key; if not, each is tested alone.
-    pub agree: bool,
+    /// Those that agree with each ray on axes and key: they are tested together.
+    pub like: [u64; PACKET],
     /// Axis that is z in each ray's sheared space.
     pub z_axis: [u8; PACKET],
     /// Segment of keys.
@@ -263,12 +327,21 @@ pub struct CellRays {
 }
 
 impl CellRays {
-    /// Prepares the sound rays of `packet`, of which there is one or more.
+    /// Prepares the rays `sound`, of which there is one or more.
     #[inline(always)]
-    pub fn new<S: Simd>(packet: &Packet<'_, S>, key_times: &[f32]) -> Self {
-        let simd = packet.simd;
+    pub fn new<S: Simd>(simd: S, rays: &[Rays], sound: u64, key_times: &[f32]) -> Self {
+        simd.apart(NewCells {
+            rays,
+            sound,
+            key_times,
+        })
+    }
+
+    #[inline(always)]
+    fn prepare<S: Simd>(simd: S, rays: &[Rays], sound: u64, key_times: &[f32]) -> Self {
+        let mut agree = true;
         let mut out = Self {
-            agree: true,
+            like: [sound; PACKET],
             z_axis: [0; PACKET],
             key: [0; PACKET],
             origin: [[[0.0; LANES]; VECTORS]; 3],
@@ -276,22 +349,22 @@ impl CellRays {
             dir_z: [[1.0; LANES]; VECTORS],
             fraction: [[0.0; LANES]; VECTORS],
         };
-        let (v, lane) = split(packet.sound.trailing_zeros() as usize);
-        let Some(first) = packet.rays.get(v) else {
+        let (v, lane) = split(sound.trailing_zeros() as usize);
+        let Some(first) = rays.get(v) else {
             return out;
         };
         let axes = CellRay::axes_of(first.dir_of(lane));
         out.z_axis = [axes[2] as u8; PACKET];
-        for (v, rays) in packet.rays.iter().enumerate().take(VECTORS) {
-            let sound = part(packet.sound, v);
+        for (v, rays) in rays.iter().enumerate().take(VECTORS) {
+            let sound = part(sound, v);
             let (x, y, z) = (
                 simd.from16(&rays.dir[axes[0]]),
                 simd.from16(&rays.dir[axes[1]]),
                 simd.from16(&rays.dir[axes[2]]),
             );
             // The rules of `axes_of`: a component wins ties against those before it in x, y, z.
-            let agree = wins(z, x, axes[2] < axes[0]) & wins(z, y, axes[2] < axes[1]);
-            out.agree &= agree.bits() & sound == sound;
+            let same = wins(z, x, axes[2] < axes[0]) & wins(z, y, axes[2] < axes[1]);
+            agree &= same.bits() & sound == sound;
             out.slope[0][v] = x.over(z).to_array();
             out.slope[1][v] = y.over(z).to_array();
             out.dir_z[v] = rays.dir[axes[2]];
@@ -306,11 +379,16 @@ impl CellRays {
                 out.fraction[v] = f.max(zero).min(one).to_array();
             }
         }
-        if !out.agree {
-            out.each_with_its_axes(packet.rays);
+        if !agree {
+            out.each_with_its_axes(rays);
         }
         if key_times.len() > 2 {
-            out.locate(packet.rays, packet.sound, key_times);
+            for (v, rays) in rays.iter().enumerate().take(VECTORS) {
+                out.locate(simd, v, rays, key_times);
+            }
+        }
+        if !agree || key_times.len() > 2 {
+            out.sort(simd, sound);
         }
         out
     }
@@ -332,19 +410,67 @@ impl CellRays {
         }
     }
 
-    fn locate(&mut self, rays: &[Rays], sound: u64, key_times: &[f32]) {
-        let first = sound.trailing_zeros();
-        let mut common = None;
-        for ray in first as usize..PACKET.min(LANES * rays.len()) {
-            if sound >> ray & 1 == 0 {
-                continue;
-            }
-            let (v, lane) = split(ray);
-            let (key, fraction) = locate_key(key_times, rays[v].time[lane]);
-            self.fraction[v][lane] = fraction;
-            self.key[ray] = key as u32;
-            self.agree &= *common.get_or_insert(key) == key;
+    /// Segments of keys, and fractions inside them: as `locate_key` has it.
+    #[inline(always)]
+    fn locate<S: Simd>(&mut self, simd: S, v: usize, rays: &Rays, key_times: &[f32]) {
+        let (zero, one) = (simd.all16(0.0), simd.all16(1.0));
+        let time = simd.from16(&rays.time);
+        let (mut from, mut to) = (simd.all16(key_times[0]), simd.all16(key_times[1]));
+        let mut key = zero;
+        for at in key_times[1..].windows(2) {
+            let after = simd.all16(at[0]).le(time);
+            from = simd.all16(at[0]).or(after, from);
+            to = simd.all16(at[1]).or(after, to);
+            key = key + one.or(after, zero);
         }
+        let fraction = (time - from).over(to - from);
+        self.fraction[v] = fraction.max(zero).min(one).to_array();
+        for (to, key) in self.key[LANES * v..].iter_mut().zip(key.to_array()) {
+            *to = key as u32;
+        }
+    }
+
+    /// Finds which of the rays `sound` agree.
+    #[inline(always)]
+    fn sort<S: Simd>(&mut self, simd: S, sound: u64) {
+        let mut kinds = [[0.0; LANES]; VECTORS];
+        for ray in 0..PACKET {
+            kinds[ray / LANES][ray % LANES] =
+                (4 * self.key[ray] + u32::from(self.z_axis[ray])) as f32;
+        }
+        let mut rest = sound;
+        while rest != 0 {
+            let (v, lane) = split(rest.trailing_zeros() as usize);
+            let kind = simd.all16(kinds[v][lane]);
+            let mut like = 0;
+            for (v, kinds) in kinds.iter().enumerate() {
+                let kinds = simd.from16(kinds);
+                let same = kinds.le(kind) & kind.le(kinds);
+                like |= u64::from(same.bits()) << (LANES * v);
+            }
+            like &= rest;
+            rest &= !like;
+            let mut left = like;
+            while left != 0 {
+                self.like[left.trailing_zeros() as usize & (PACKET - 1)] = like;
+                left &= left - 1;
+            }
+        }
+    }
+}
+
+/// Rays to be prepared for micropolygons.
+struct NewCells<'a> {
+    rays: &'a [Rays],
+    sound: u64,
+    key_times: &'a [f32],
+}
+
+impl<S: Simd> Part<S> for NewCells<'_> {
+    type Output = CellRays;
+    #[inline(always)]
+    fn run(self, simd: S) -> CellRays {
+        CellRays::prepare(simd, self.rays, self.sound, self.key_times)
     }
 }
 

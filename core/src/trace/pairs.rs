@@ -59,7 +59,7 @@ impl Pairs {
         self.count > MOST - PACKET
     }
 
-    /// The first half for `rays`, one or more, which agree on axes and key, and the cells
+    /// The first half for `rays`, of which `one` is the first and which agree on axes and key, and the cells
     /// `rect` of grid `g`, one group. [`Pairs::is_full`] is false.
     #[inline(always)]
     #[allow(clippy::too_many_arguments)] // one call, inlined
@@ -67,13 +67,12 @@ impl Pairs {
         &mut self,
         simd: S,
         cells: &CellRays,
-        rays: u64,
+        (one, rays): (usize, u64),
         mesh: &PlanarMesh,
         g: u32,
         rect: CellRect,
     ) {
         let grid = &mesh.grids[g as usize];
-        let one = rays.trailing_zeros() as usize & (PACKET - 1);
         let key = cells.key[one] as usize;
         let axes = axes_with(cells.z_axis[one]);
         let stride = usize::from(grid.nu) + 1;

@@ -205,20 +205,21 @@ impl<'a, S: Simd, B: Bounds8, const CULL: bool> Target<'a, S, B, CULL> {
         }
     }
 
-    /// Traces a ray that is given in the object's space.
+    /// Traces a ray that is given in the object's space; and as the tree sees it, where that is otherwise.
     #[inline(always)]
     pub fn enter(
         &self,
-        origin: Vec3,
-        dir: Vec3,
-        time: f32,
+        (origin, dir, time): (Vec3, Vec3, f32),
+        seen: Option<&ObjectRay>,
         query: &mut Query,
         stack: &mut Stack,
         counts: &mut TraceCounts,
     ) {
-        if let Some(ray) = ObjectRay::new(origin, dir, slab_time::<B>(time), self.radius) {
+        let time = if B::KEYS { time } else { 0.0 };
+        if let Some(ray) = ObjectRay::new(origin, dir, time, self.radius) {
             let cells = CellRay::new(&ray, &self.mesh.key_times);
-            self.trace(self.blocks.tree.root, &ray, &cells, query, stack, counts);
+            let seen = seen.unwrap_or(&ray);
+            self.trace(self.blocks.tree.root, seen, &cells, query, stack, counts);
         }
     }
 
@@ -324,7 +325,7 @@ impl<'a, S: Simd, B: Bounds8, const CULL: bool> Target<'a, S, B, CULL> {
             hidden,
             ..
         } = *self;
-        if B::MOVING {
+        if B::KEYS {
             cells.test_group::<S, true, CULL>(
                 simd,
                 mesh,

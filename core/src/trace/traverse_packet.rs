@@ -4,16 +4,17 @@
 //! A packet goes where any of its rays goes, with those that do. Every ray meets the same
 //! micropolygons as alone, or more; hits are the same.
 
-use hdtrapeze_simd::{Float, Mask, Simd};
+use hdtrapeze_simd::{Float, Mask, Part, Simd};
 
 use super::Hit;
 use super::enter::enter_packet;
 use super::packet::{All, CellRays, LANES, PACKET, Packet, Rays, VECTORS, part, split};
 use super::pairs::Pairs;
+use super::relative::SeenMany;
 use super::traverse::Target;
 use crate::bvh::block::{CellRect, loose};
-use crate::bvh::object::loose_group;
-use crate::bvh::{Bounds8, Tree};
+use crate::bvh::object::{BlockTree, loose_group};
+use crate::bvh::{Bounds8, ObjectGeometry, Tree};
 
 /// A subtree that waits: where the first ray enters it, reference, and rays.
 #[derive(Clone, Copy, Debug)]
@@ -174,19 +175,71 @@ pub(super) fn walk_packet<S: Simd, B: Bounds8>(
     }
 }
 
-impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
-    /// Traces the rays `lanes`, given in the object's space.
+/// A packet in one tree of an object.
+pub(super) struct InTree<'a, B> {
+    pub blocks: &'a BlockTree<B>,
+    pub object: &'a ObjectGeometry,
+    pub instance: u32,
+    /// In the space of the object.
+    pub rays: &'a [Rays],
+    pub lanes: u64,
+    /// As the tree sees the rays, where that is otherwise.
+    pub seen: Option<&'a SeenMany>,
+    pub queries: &'a mut Queries,
+    pub room: &'a mut Room,
+}
+
+impl<S: Simd, B: Bounds8> Part<S> for InTree<'_, B> {
+    type Output = ();
     #[inline(always)]
-    pub fn enter_packet(&self, rays: &[Rays], lanes: u64, queries: &mut Queries, room: &mut Room) {
+    fn run(self, simd: S) {
+        let Self {
+            blocks,
+            object,
+            instance,
+            ..
+        } = self;
+        Target::new(simd, blocks, object, instance, None).enter_packet(
+            self.rays,
+            self.lanes,
+            self.seen,
+            self.queries,
+            self.room,
+        );
+    }
+}
+
+impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
+    /// Traces the rays `lanes`, given in the object's space; and as the tree sees them, where that is otherwise.
+    #[inline(always)]
+    fn enter_packet(
+        &self,
+        rays: &[Rays],
+        lanes: u64,
+        seen: Option<&SeenMany>,
+        queries: &mut Queries,
+        room: &mut Room,
+    ) {
+        let (slab_rays, pads) = match seen {
+            Some(seen) => (&seen.rays[..rays.len().min(VECTORS)], Some(&seen.pads)),
+            None => (rays, None),
+        };
         let packet = if B::MOVING {
-            Packet::new::<true>(self.simd, rays, lanes, self.radius, None)
+            Packet::new::<true>(self.simd, slab_rays, lanes, self.radius, pads)
         } else {
-            Packet::new::<false>(self.simd, rays, lanes, self.radius, None)
+            Packet::new::<false>(self.simd, slab_rays, lanes, self.radius, pads)
         };
         if packet.sound == 0 {
             return;
         }
-        let cells = CellRays::new(&packet, &self.mesh.key_times);
+        let own;
+        let cells = match seen {
+            Some(seen) => &seen.cells,
+            None => {
+                own = CellRays::new(self.simd, rays, packet.sound, &self.mesh.key_times);
+                &own
+            }
+        };
         walk_packet(
             self.simd,
             &self.blocks.tree,
@@ -195,7 +248,7 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
             room,
             #[inline(always)]
             |item, rays, queries, room| {
-                self.item_packet(item, rays, &packet, &cells, &mut room.pairs, queries);
+                self.item_packet(item, rays, &packet, cells, &mut room.pairs, queries);
             },
         );
     }
@@ -272,24 +325,21 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
         queries: &mut Queries,
     ) {
         queries.count_cells(self.simd, rays, rect);
-        if cells.agree {
-            self.pairs(grid, rect, rays, cells, pairs, queries);
-        } else {
-            while rays != 0 {
-                let ray = rays & rays.wrapping_neg();
-                rays &= rays - 1;
-                self.pairs(grid, rect, ray, cells, pairs, queries);
-            }
+        while rays != 0 {
+            let one = rays.trailing_zeros() as usize & (PACKET - 1);
+            let like = rays & cells.like[one];
+            rays &= !cells.like[one];
+            self.pairs(grid, rect, (one, like), cells, pairs, queries);
         }
     }
 
-    /// Tests one group by one ray after the other, which agree on axes and key.
+    /// Tests one group by one ray after the other, which agree on axes and key; the first is given.
     #[inline(always)]
     fn pairs(
         &self,
         grid: u32,
         rect: CellRect,
-        rays: u64,
+        rays: (usize, u64),
         cells: &CellRays,
         pairs: &mut Pairs,
         queries: &mut Queries,
@@ -297,7 +347,7 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
         if pairs.is_full() {
             self.settle(cells, pairs, queries);
         }
-        if B::MOVING {
+        if B::KEYS {
             pairs.test::<S, true>(self.simd, cells, rays, self.mesh, grid, rect);
         } else {
             pairs.test::<S, false>(self.simd, cells, rays, self.mesh, grid, rect);

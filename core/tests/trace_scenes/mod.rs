@@ -1,6 +1,9 @@
 //! Scenes and random numbers that the tests and the bench of tracing share.
 #![allow(dead_code)]
 
+pub mod curved;
+pub mod lens;
+
 use std::f32::consts::{PI, TAU};
 use std::sync::Arc;
 

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3};
 use hdtrapeze_core::render::{Prepared, WorldHit, WorldRay};
 use hdtrapeze_core::scene::{PrimId, RenderSettings, Scene};
-use hidden::{ball, bits, placed, prepared, rendered, scene, sheet, with_culling};
+use hidden::{ball, bits, placed, prepared, rendered, scene, sheet, turning, with_culling};
 
 fn settings() -> RenderSettings {
     let aovs = [
@@ -114,6 +114,22 @@ fn what_appears_late_in_the_shutter_is_seen() {
     let none = prepared(&with_culling(&crowd(&[still], 0.0), true), None);
     rendered(&none);
     assert!(all.statistics().micropolygons > none.statistics().micropolygons);
+}
+
+#[test]
+fn what_runs_along_curves_is_the_same_however_it_is_diced() {
+    let mut prims = vec![placed(
+        sheet("/wall", 24, 24.0),
+        &[DVec3::ZERO, DVec3::X * 20.0],
+    )];
+    for i in 0..3 {
+        let ball = turning(&format!("/ball{i}"), 6, 1.5, 2.5 - 2.0 * i as f32, 5);
+        prims.push(placed(
+            ball,
+            &[DVec3::new(f64::from(i) * 3.5 - 3.5, 0.0, -8.0)],
+        ));
+    }
+    check(&scene(prims, settings(), 0.0), &[1, 2, 3, 4]);
 }
 
 #[test]

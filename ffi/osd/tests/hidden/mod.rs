@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use glam::{DMat4, DVec3, Vec3};
+use glam::{DMat4, DVec3, Quat, Vec3};
 use hdtrapeze_core::aov::{Aov, AovData};
 use hdtrapeze_core::render::{Frame, Prepared, RenderControl, prepare, render};
 use hdtrapeze_core::scene::{
@@ -94,6 +94,22 @@ pub fn ball(path: &str, n: i32, radius: f32, growth: f32) -> PrimDesc {
         growth => vec![at(0.0), at(growth)],
     };
     mesh(path, faces, keys)
+}
+
+/// A [`ball`] that turns about the axis of view, by an angle of radians, given at `keys` samples of its points.
+pub fn turning(path: &str, n: i32, radius: f32, angle: f32, keys: usize) -> PrimDesc {
+    let mut prim = ball(path, n, radius, 0.0);
+    if let Geometry::Mesh(mesh) = &mut prim.geometry {
+        let first = Arc::clone(&mesh.points.points[0]);
+        let at = |k: usize| k as f64 / (keys - 1) as f64;
+        let turned = |k: usize| {
+            let q = Quat::from_rotation_z(angle * at(k) as f32);
+            Arc::new(first.iter().map(|&p| q * p).collect())
+        };
+        mesh.points.times = (0..keys).map(at).collect();
+        mesh.points.points = (0..keys).map(turned).collect();
+    }
+    prim
 }
 
 /// A rippled sheet of `n` by `n` faces across the view.
