@@ -7,8 +7,10 @@
 
 pub mod brute;
 pub mod cell;
+pub mod cell_rays;
 pub mod deferred;
 mod enter;
+mod inside;
 pub mod instance;
 mod late;
 mod movers;

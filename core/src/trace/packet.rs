@@ -1,12 +1,11 @@
 //! Packets: up to 64 rays in one space, in vectors of 16, for tests of all of them at once.
 //!
-//! A packet answers for each ray what [`ObjectRay`](super::object_ray::ObjectRay) and [`CellRay`] answer for one: the same
+//! A packet answers for each ray what [`ObjectRay`](super::object_ray::ObjectRay) and [`CellRay`](super::cell::CellRay) answer for one: the same
 //! formulas with the same pads, so the same proofs hold. Hits do not depend on who shares a packet.
 
 use glam::Vec3;
 use hdtrapeze_simd::{Float, Mask, Part, Simd};
 
-use super::cell::CellRay;
 use super::object_ray::{DIR_RANGE, LEAST_DIR, SLAB_PAD, TINY_PAD};
 use crate::bvh::{COORDINATE_LIMIT, Frame, U};
 
@@ -35,7 +34,7 @@ pub fn split(ray: usize) -> (usize, usize) {
     ((ray / LANES) & (VECTORS - 1), ray & (LANES - 1))
 }
 
-/// Axes of a sheared space, by the one that is z; see [`CellRay`].
+/// Axes of a sheared space, by the one that is z; see [`CellRay`](super::cell::CellRay).
 #[inline(always)]
 pub fn axes_with(z_axis: u8) -> [usize; 3] {
     match z_axis {
@@ -306,179 +305,4 @@ fn slabs<S: Simd>(
         };
     }
     out
-}
-
-/// Rays prepared for the micropolygons of one mesh; see [`CellRay`].
-pub struct CellRays {
-    /// Those that agree with each ray on axes and key: they are tested together.
-    pub like: [u64; PACKET],
-    /// Axis that is z in each ray's sheared space.
-    pub z_axis: [u8; PACKET],
-    /// Segment of keys.
-    pub key: [u32; PACKET],
-    /// Origins, in the order of the axes.
-    pub origin: [All; 3],
-    /// `dir[x] / dir[z]` and `dir[y] / dir[z]` in these axes.
-    pub slope: [All; 2],
-    /// Component of the direction that it is longest on.
-    pub dir_z: All,
-    /// Fraction inside the segment of keys.
-    pub fraction: All,
-}
-
-impl CellRays {
-    /// Prepares the rays `sound`, of which there is one or more.
-    #[inline(always)]
-    pub fn new<S: Simd>(simd: S, rays: &[Rays], sound: u64, key_times: &[f32]) -> Self {
-        simd.apart(NewCells {
-            rays,
-            sound,
-            key_times,
-        })
-    }
-
-    #[inline(always)]
-    fn prepare<S: Simd>(simd: S, rays: &[Rays], sound: u64, key_times: &[f32]) -> Self {
-        let mut agree = true;
-        let mut out = Self {
-            like: [sound; PACKET],
-            z_axis: [0; PACKET],
-            key: [0; PACKET],
-            origin: [[[0.0; LANES]; VECTORS]; 3],
-            slope: [[[0.0; LANES]; VECTORS]; 2],
-            dir_z: [[1.0; LANES]; VECTORS],
-            fraction: [[0.0; LANES]; VECTORS],
-        };
-        let (v, lane) = split(sound.trailing_zeros() as usize);
-        let Some(first) = rays.get(v) else {
-            return out;
-        };
-        let axes = CellRay::axes_of(first.dir_of(lane));
-        out.z_axis = [axes[2] as u8; PACKET];
-        for (v, rays) in rays.iter().enumerate().take(VECTORS) {
-            let sound = part(sound, v);
-            let (x, y, z) = (
-                simd.from16(&rays.dir[axes[0]]),
-                simd.from16(&rays.dir[axes[1]]),
-                simd.from16(&rays.dir[axes[2]]),
-            );
-            // The rules of `axes_of`: a component wins ties against those before it in x, y, z.
-            let same = wins(z, x, axes[2] < axes[0]) & wins(z, y, axes[2] < axes[1]);
-            agree &= same.bits() & sound == sound;
-            out.slope[0][v] = x.over(z).to_array();
-            out.slope[1][v] = y.over(z).to_array();
-            out.dir_z[v] = rays.dir[axes[2]];
-            for (to, &axis) in out.origin.iter_mut().zip(&axes) {
-                to[v] = rays.origin[axis];
-            }
-            if let [a, b] = key_times {
-                // As `locate_key` has it.
-                let (zero, one) = (simd.all16(0.0), simd.all16(1.0));
-                let f = simd.from16(&rays.time) - simd.all16(*a);
-                let f = f.over(simd.all16(b - a));
-                out.fraction[v] = f.max(zero).min(one).to_array();
-            }
-        }
-        if !agree {
-            out.each_with_its_axes(rays);
-        }
-        if key_times.len() > 2 {
-            for (v, rays) in rays.iter().enumerate().take(VECTORS) {
-                out.locate(simd, v, rays, key_times);
-            }
-        }
-        if !agree || key_times.len() > 2 {
-            out.sort(simd, sound);
-        }
-        out
-    }
-
-    fn each_with_its_axes(&mut self, rays: &[Rays]) {
-        for (v, rays) in rays.iter().enumerate().take(VECTORS) {
-            for lane in 0..LANES {
-                let (origin, dir) = (rays.origin_of(lane), rays.dir_of(lane));
-                let axes = CellRay::axes_of(dir);
-                let dir_z = dir[axes[2]];
-                self.z_axis[LANES * v + lane] = axes[2] as u8;
-                for (to, &axis) in self.origin.iter_mut().zip(&axes) {
-                    to[v][lane] = origin[axis];
-                }
-                self.slope[0][v][lane] = dir[axes[0]] / dir_z;
-                self.slope[1][v][lane] = dir[axes[1]] / dir_z;
-                self.dir_z[v][lane] = dir_z;
-            }
-        }
-    }
-
-    /// Segments of keys, and fractions inside them: as `locate_key` has it.
-    #[inline(always)]
-    fn locate<S: Simd>(&mut self, simd: S, v: usize, rays: &Rays, key_times: &[f32]) {
-        let (zero, one) = (simd.all16(0.0), simd.all16(1.0));
-        let time = simd.from16(&rays.time);
-        let (mut from, mut to) = (simd.all16(key_times[0]), simd.all16(key_times[1]));
-        let mut key = zero;
-        for at in key_times[1..].windows(2) {
-            let after = simd.all16(at[0]).le(time);
-            from = simd.all16(at[0]).or(after, from);
-            to = simd.all16(at[1]).or(after, to);
-            key = key + one.or(after, zero);
-        }
-        let fraction = (time - from).over(to - from);
-        self.fraction[v] = fraction.max(zero).min(one).to_array();
-        for (to, key) in self.key[LANES * v..].iter_mut().zip(key.to_array()) {
-            *to = key as u32;
-        }
-    }
-
-    /// Finds which of the rays `sound` agree.
-    #[inline(always)]
-    fn sort<S: Simd>(&mut self, simd: S, sound: u64) {
-        let mut kinds = [[0.0; LANES]; VECTORS];
-        for ray in 0..PACKET {
-            kinds[ray / LANES][ray % LANES] =
-                (4 * self.key[ray] + u32::from(self.z_axis[ray])) as f32;
-        }
-        let mut rest = sound;
-        while rest != 0 {
-            let (v, lane) = split(rest.trailing_zeros() as usize);
-            let kind = simd.all16(kinds[v][lane]);
-            let mut like = 0;
-            for (v, kinds) in kinds.iter().enumerate() {
-                let kinds = simd.from16(kinds);
-                let same = kinds.le(kind) & kind.le(kinds);
-                like |= u64::from(same.bits()) << (LANES * v);
-            }
-            like &= rest;
-            rest &= !like;
-            let mut left = like;
-            while left != 0 {
-                self.like[left.trailing_zeros() as usize & (PACKET - 1)] = like;
-                left &= left - 1;
-            }
-        }
-    }
-}
-
-/// Rays to be prepared for micropolygons.
-struct NewCells<'a> {
-    rays: &'a [Rays],
-    sound: u64,
-    key_times: &'a [f32],
-}
-
-impl<S: Simd> Part<S> for NewCells<'_> {
-    type Output = CellRays;
-    #[inline(always)]
-    fn run(self, simd: S) -> CellRays {
-        CellRays::prepare(simd, self.rays, self.sound, self.key_times)
-    }
-}
-
-#[inline(always)]
-fn wins<F: Float<LANES>>(of: F, other: F, first: bool) -> F::Mask {
-    if first {
-        other.abs().le(of.abs())
-    } else {
-        other.abs().lt(of.abs())
-    }
 }

@@ -8,7 +8,8 @@
 use hdtrapeze_simd::{Float, Simd};
 
 use super::cell::{CellHit, candidates, exact, lane_mask};
-use super::packet::{CellRays, LANES, Lanes, PACKET, axes_with, split};
+use super::cell_rays::CellRays;
+use super::packet::{LANES, Lanes, PACKET, axes_with, split};
 use crate::bvh::block::CellRect;
 use crate::grid::PlanarMesh;
 

@@ -1,26 +1,24 @@
 //! Queries: rays through the tree over instances, and from there through objects, one by one or in packets.
 //!
-//! Everything is written for any instruction set. The trees of objects are kernels of their own, so that
+//! Everything is written for any instruction set. The trees of objects are kernels of their own ([`super::inside`]), so that
 //! each is compiled once for a set, whatever tree stands above it.
 
 use std::cell::Cell;
 
 use glam::Vec3;
-use hdtrapeze_simd::{Kernel, Part, Simd};
+use hdtrapeze_simd::{Kernel, Simd};
 
+use super::inside::{Inside, InsideMany};
 use super::instance::{INSTANCE_PAD, NEAR_CONDITION};
 use super::late::Late;
 use super::movers::{Movers, MoversMany};
 use super::object_ray::{ObjectRay, SLAB_PAD};
 use super::packet::{LANES, PACKET, Packet, Rays, VECTORS, part, split};
-use super::relative::{RelativeMany, Seen};
-use super::sides::Side;
-use super::traverse::{Query, Stack, Target, slab_time, walk};
-use super::traverse_packet::{InTree, Queries, Room, walk_packet};
+use super::traverse::{Query, Stack, slab_time, walk};
+use super::traverse_packet::{Queries, Room, walk_packet};
 use super::world::{MOVERS, Numbered, TopTree, World, clamp_time};
 use super::{Hit, Ray, TraceCounts};
-use crate::bvh::object::Blas;
-use crate::bvh::{Bounds8, CarriedSlabs, ObjectGeometry, Tree};
+use crate::bvh::{Bounds8, ObjectGeometry, Tree};
 
 thread_local! {
     /// The stack of this thread, kept between rays; taken while in use.
@@ -448,141 +446,6 @@ impl<const CULL: bool> Kernel for One<'_, CULL> {
     fn run<S: Simd>(self, simd: S) -> Hit {
         let Self { world, ray, .. } = self;
         world.query::<_, CULL>(simd, ray, self.after, self.any, self.stack, self.counts)
-    }
-}
-
-/// One ray in the space of an object.
-struct Inside<'a, const CULL: bool> {
-    object: &'a ObjectGeometry,
-    instance: u32,
-    hidden: Option<Side>,
-    /// Origin, direction and time.
-    ray: (Vec3, Vec3, f32),
-    query: &'a mut Query,
-    stack: &'a mut Stack,
-    counts: &'a mut TraceCounts,
-}
-
-impl<const CULL: bool> Kernel for Inside<'_, CULL> {
-    type Output = ();
-    #[inline(always)]
-    fn run<S: Simd>(self, simd: S) {
-        let Self {
-            object,
-            instance,
-            hidden,
-            ray,
-            query,
-            stack,
-            counts,
-        } = self;
-        let seen;
-        let (blocks, seen) = match object.blas() {
-            Blas::Static(blocks) => {
-                return Target::<_, _, CULL>::new(simd, blocks, object, instance, hidden)
-                    .enter(ray, None, query, stack, counts);
-            }
-            Blas::Moving(blocks) => (blocks, None),
-            Blas::Relative(relative) => match relative.see(object, ray) {
-                Some(Seen::Moving(blocks, as_seen)) => {
-                    seen = as_seen;
-                    (blocks, Some(&seen))
-                }
-                Some(Seen::Still(blocks, seen)) => {
-                    return simd.apart(InStill::<'_, S, CULL> {
-                        target: Target::new(simd, blocks, object, instance, hidden),
-                        ray,
-                        seen: &seen,
-                        query,
-                        stack,
-                        counts,
-                    });
-                }
-                None => return,
-            },
-        };
-        Target::<_, _, CULL>::new(simd, blocks, object, instance, hidden)
-            .enter(ray, seen, query, stack, counts);
-    }
-}
-
-/// One ray in the space of an object that stands still in a space that moves along.
-struct InStill<'a, S, const CULL: bool> {
-    target: Target<'a, S, CarriedSlabs, CULL>,
-    ray: (Vec3, Vec3, f32),
-    seen: &'a ObjectRay,
-    query: &'a mut Query,
-    stack: &'a mut Stack,
-    counts: &'a mut TraceCounts,
-}
-
-impl<S: Simd, const CULL: bool> Part<S> for InStill<'_, S, CULL> {
-    type Output = ();
-    #[inline(always)]
-    fn run(self, _: S) {
-        self.target.enter(
-            self.ray,
-            Some(self.seen),
-            self.query,
-            self.stack,
-            self.counts,
-        );
-    }
-}
-
-/// A packet in the space of an object.
-struct InsideMany<'a> {
-    object: &'a ObjectGeometry,
-    instance: u32,
-    rays: &'a [Rays],
-    lanes: u64,
-    queries: &'a mut Queries,
-    room: &'a mut Room,
-}
-
-impl Kernel for InsideMany<'_> {
-    type Output = ();
-    #[inline(always)]
-    fn run<S: Simd>(self, simd: S) {
-        let Self {
-            object,
-            instance,
-            rays,
-            lanes,
-            queries,
-            room,
-        } = self;
-        match object.blas() {
-            Blas::Static(blocks) => simd.apart(InTree {
-                blocks,
-                object,
-                instance,
-                rays,
-                lanes,
-                seen: None,
-                queries,
-                room,
-            }),
-            Blas::Moving(blocks) => simd.apart(InTree {
-                blocks,
-                object,
-                instance,
-                rays,
-                lanes,
-                seen: None,
-                queries,
-                room,
-            }),
-            Blas::Relative(relative) => simd.apart(RelativeMany {
-                relative,
-                object,
-                instance,
-                rays,
-                lanes,
-                queries,
-                room,
-            }),
-        }
     }
 }
 

@@ -23,10 +23,9 @@
 use glam::Vec3;
 use hdtrapeze_simd::{Float, Mask, Part, Simd};
 
+use super::cell_rays::CellRays;
 use super::object_ray::{ObjectRay, SLAB_PAD};
-use super::packet::{
-    All, CellRays, LANES, PACKET, Rays, VECTORS, load3, most, part, slab_pad, sound_rays,
-};
+use super::packet::{All, LANES, PACKET, Rays, VECTORS, load3, most, part, slab_pad, sound_rays};
 use super::traverse_packet::{InTree, Queries, Room};
 use crate::bvh::carrier::Carrier;
 use crate::bvh::object::BlockTree;

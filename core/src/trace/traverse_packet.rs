@@ -7,8 +7,9 @@
 use hdtrapeze_simd::{Float, Mask, Part, Simd};
 
 use super::Hit;
+use super::cell_rays::CellRays;
 use super::enter::enter_packet;
-use super::packet::{All, CellRays, LANES, PACKET, Packet, Rays, VECTORS, part, split};
+use super::packet::{All, LANES, PACKET, Packet, Rays, VECTORS, part, split};
 use super::pairs::Pairs;
 use super::relative::SeenMany;
 use super::traverse::Target;
