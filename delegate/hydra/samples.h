@@ -11,6 +11,7 @@
 #include "pxr/usd/sdf/path.h"
 
 #include <algorithm>
+#include <cmath>
 #include <numeric>
 #include <vector>
 
@@ -23,7 +24,7 @@ template <class T> struct HdTrapezeSamples {
     std::vector<T> values;
 };
 
-/// Sorts what a scene delegate gave.
+/// Sorts what a scene delegate gave. At the default time, where nothing moves, times are no numbers.
 template <class T, unsigned int Capacity>
 HdTrapezeSamples<T> HdTrapezeSorted(HdTimeSampleArray<T, Capacity> const& given) {
     std::vector<size_t> order(given.count);
@@ -31,6 +32,9 @@ HdTrapezeSamples<T> HdTrapezeSorted(HdTimeSampleArray<T, Capacity> const& given)
     std::stable_sort(order.begin(), order.end(),
                      [&](size_t a, size_t b) { return given.times[a] < given.times[b]; });
     HdTrapezeSamples<T> samples;
+    if (given.count > 0 && !std::isfinite(given.times[0])) {
+        return {{0.0}, {given.values[0]}};
+    }
     for (size_t i : order) {
         if (samples.times.empty() || samples.times.back() < given.times[i]) {
             samples.times.push_back(given.times[i]);

@@ -78,7 +78,8 @@ def rgba(path) -> np.ndarray:
     return np.stack([channels[name] for name in "RGBA"], axis=-1).astype(np.float32)
 
 
-def record(scene: Path, out: Path, *flags) -> np.ndarray:
-    """The colour that `hdtrapeze record` renders, in 16 bits as Hydra's hosts write it."""
+def record(scene: Path, out: Path, *flags) -> np.ndarray | None:
+    """The colour that `hdtrapeze record` renders, in 16 bits as Hydra's hosts write it; None where
+    the name is that of several files."""
     assert main(["record", "-q", str(scene), str(out), *map(str, flags)]) == 0
-    return rgba(out)
+    return None if "#" in str(out) else rgba(out)

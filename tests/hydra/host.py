@@ -32,9 +32,10 @@ def record(stage, out, camera=None, frame=1.0, width=96, **choices):
     assert recorder.Record(stage, UsdGeom.Camera(prim), time_code, str(out))
 
 
-def edit(stage, usda):
-    """Puts USD text over the stage, in place of what was put there before."""
-    assert stage.GetSessionLayer().ImportFromString("#usda 1.0\n" + usda)
+def edit(stage, path, value, time=None):
+    """Sets the attribute at a path such as /World/Box.points."""
+    attribute = stage.GetAttributeAtPath(path)
+    assert attribute.Set(value, Usd.TimeCode.Default() if time is None else time)
 
 
 class View:

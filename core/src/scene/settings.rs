@@ -31,10 +31,10 @@ impl FilterKind {
 /// How the camera's aspect ratio meets the image's (CameraUtilConformWindowPolicy).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum WindowPolicy {
-    /// Keep the width, change the height (usdrecord's).
+    /// Keep the width, change the height.
     #[default]
     MatchHorizontally,
-    /// Keep the height, change the width.
+    /// Keep the height, change the width (usdrecord's).
     MatchVertically,
     /// Show all of the camera's view, and more.
     Fit,

@@ -279,10 +279,10 @@
 // Blackman-Harris filter, 3 pixels wide.
 #define TRZ_FILTER_BLACKMAN_HARRIS 3
 
-// Keep the camera's width, change its height (usdrecord's).
+// Keep the camera's width, change its height.
 #define TRZ_WINDOW_MATCH_HORIZONTALLY 0
 
-// Keep the camera's height, change its width.
+// Keep the camera's height, change its width (usdrecord's).
 #define TRZ_WINDOW_MATCH_VERTICALLY 1
 
 // Show all of the camera's view, and more.

@@ -189,9 +189,9 @@ pub const TRZ_FILTER_MITCHELL: u32 = 2;
 /// Blackman-Harris filter, 3 pixels wide.
 pub const TRZ_FILTER_BLACKMAN_HARRIS: u32 = 3;
 
-/// Keep the camera's width, change its height (usdrecord's).
+/// Keep the camera's width, change its height.
 pub const TRZ_WINDOW_MATCH_HORIZONTALLY: u32 = 0;
-/// Keep the camera's height, change its width.
+/// Keep the camera's height, change its width (usdrecord's).
 pub const TRZ_WINDOW_MATCH_VERTICALLY: u32 = 1;
 /// Show all of the camera's view, and more.
 pub const TRZ_WINDOW_FIT: u32 = 2;
