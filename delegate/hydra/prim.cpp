@@ -149,15 +149,14 @@ void HdTrapezePrim::_SyncMotion(SdfPath const& id, HdSceneDelegate* delegate,
     } else if (blur.IsHolding<double>()) {
         scale = blur.UncheckedGet<double>();
     }
-    // Some hosts have USD's fallback where nothing is authored; as many as needed are better.
+    // Some hosts have USD's fallback, 3, where nothing is authored; as many as needed are better.
     auto const constants = delegate->GetPrimvarDescriptors(id, HdInterpolationConstant);
-    bool const authored =
+    bool const listed =
         std::any_of(constants.begin(), constants.end(), [](HdPrimvarDescriptor const& primvar) {
             return primvar.name == HdTokens->nonlinearSampleCount;
         });
-    VtValue const samples =
-        authored ? delegate->Get(id, HdTokens->nonlinearSampleCount) : VtValue();
-    int const count = samples.GetWithDefault<int>(0);
+    int const given = delegate->Get(id, HdTokens->nonlinearSampleCount).GetWithDefault<int>(0);
+    int const count = given == 3 && !listed ? 0 : given;
     // Samples are needed around the scaled shutter, too.
     _reach = scale > 1.0 ? scale : 1.0;
     uint32_t const keys = count > 0 ? static_cast<uint32_t>(count) : 0;

@@ -28,7 +28,7 @@ HdTrapezeSamples<GfMatrix4d> HdTrapezeSampleTransform(HdSceneDelegate* delegate,
     HdTimeSampleArray<GfMatrix4d, _capacity> samples;
     _Within(shutter,
             [&](auto... interval) { delegate->SampleTransform(id, interval..., &samples); });
-    return HdTrapezeSorted(samples);
+    return HdTrapezeSorted(samples, [&] { return delegate->GetTransform(id); });
 }
 
 HdTrapezeSamples<GfMatrix4d> HdTrapezeSampleInstancerTransform(HdSceneDelegate* delegate,
@@ -38,7 +38,7 @@ HdTrapezeSamples<GfMatrix4d> HdTrapezeSampleInstancerTransform(HdSceneDelegate* 
     _Within(shutter, [&](auto... interval) {
         delegate->SampleInstancerTransform(id, interval..., &samples);
     });
-    return HdTrapezeSorted(samples);
+    return HdTrapezeSorted(samples, [&] { return delegate->GetInstancerTransform(id); });
 }
 
 HdTrapezeSamples<VtValue> HdTrapezeSamplePrimvar(HdSceneDelegate* delegate, SdfPath const& id,
@@ -46,7 +46,7 @@ HdTrapezeSamples<VtValue> HdTrapezeSamplePrimvar(HdSceneDelegate* delegate, SdfP
     HdTimeSampleArray<VtValue, _capacity> samples;
     _Within(shutter,
             [&](auto... interval) { delegate->SamplePrimvar(id, name, interval..., &samples); });
-    return HdTrapezeSorted(samples);
+    return HdTrapezeSorted(samples, [&] { return delegate->Get(id, name); });
 }
 
 HdTrapezeSamples<VtValue>
@@ -59,7 +59,10 @@ HdTrapezeSampleComputed(HdSceneDelegate* delegate,
             {descriptor}, delegate, interval..., _mostComputed, &store);
     });
     auto const found = store.find(descriptor.name);
-    return found == store.end() ? HdTrapezeSamples<VtValue>() : HdTrapezeSorted(found->second);
+    if (found == store.end()) {
+        return {};
+    }
+    return HdTrapezeSorted(found->second, [&] { return found->second.values[0]; });
 }
 
 PXR_NAMESPACE_CLOSE_SCOPE

@@ -24,17 +24,18 @@ template <class T> struct HdTrapezeSamples {
     std::vector<T> values;
 };
 
-/// Sorts what a scene delegate gave. At the default time, where nothing moves, times are no numbers.
-template <class T, unsigned int Capacity>
-HdTrapezeSamples<T> HdTrapezeSorted(HdTimeSampleArray<T, Capacity> const& given) {
+/// Sorts what a scene delegate gave. At the default time, some give times that are no numbers, with
+/// values of any time: then the one that `plain` gives counts.
+template <class T, unsigned int Capacity, class F>
+HdTrapezeSamples<T> HdTrapezeSorted(HdTimeSampleArray<T, Capacity> const& given, F&& plain) {
+    if (given.count > 0 && !std::isfinite(given.times[0])) {
+        return {{0.0}, {plain()}};
+    }
     std::vector<size_t> order(given.count);
     std::iota(order.begin(), order.end(), 0);
     std::stable_sort(order.begin(), order.end(),
                      [&](size_t a, size_t b) { return given.times[a] < given.times[b]; });
     HdTrapezeSamples<T> samples;
-    if (given.count > 0 && !std::isfinite(given.times[0])) {
-        return {{0.0}, {given.values[0]}};
-    }
     for (size_t i : order) {
         if (samples.times.empty() || samples.times.back() < given.times[i]) {
             samples.times.push_back(given.times[i]);

@@ -26,11 +26,11 @@ def assert_alike(ours, other):
     np.testing.assert_allclose(ours.mean((0, 1)), other.mean((0, 1)), atol=1e-5)
 
 
-def compare(host, name, camera="/main_cam", frame=2.0, flags=(), **choices):
+def compare(host, name, camera="/main_cam", frame=2.0, flags=(), warned=(), **choices):
     """FrameRecorder's image beside the command's."""
     scene = SCENES / f"{name}.usda"
     ran = host.run(RECORD, scene=scene, camera=camera, frame=frame, choices=choices)
-    assert ran.warnings == []
+    assert ran.warnings == list(warned)
     time = ["-d"] if frame is None else ["-f", f"{frame:g}"]
     named = ["-cam", camera] if camera else []
     other = record(scene, host.folder / "record.exr", "-w", 96, *time, *named, *flags)
@@ -60,13 +60,19 @@ def test_native_instances_that_move(delegate_host):
 @pytest.mark.parametrize(("frame", "choices", "flags"), [
     (1.0, {}, []),
     (2.5, {}, []),
-    (None, {}, []),
     (2.0, {"CameraLightEnabled": False}, ["--disableCameraLight"]),
     (2.0, {"Complexity": 1.1}, ["-c", "medium"]),
     (2.0, {"ImageWidth": 61}, ["-w", 61]),
 ])  # fmt: skip
 def test_flags(host, frame, choices, flags):
     compare(host, "motion", frame=frame, flags=flags, **choices)
+
+
+def test_default_time(host):
+    """What has time samples alone is not there, or where it is without them."""
+    paths = ("/Accelerates", "/Deforms", "/Flies")
+    warned = [(path, "1 faces but no points; dropped (topology)") for path in paths]
+    compare(host, "motion", frame=None, warned=warned)
 
 
 @pytest.mark.parametrize("purposes", [[], ["render", "guide"], ["proxy"]])

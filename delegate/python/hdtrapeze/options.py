@@ -85,7 +85,7 @@ class Options:
     camera_light: bool = True
     draw_modes: bool = True
     window_policy: str = "matchVertically"
-    """usdrecord's: heights that follow the camera's aspect are rounded down, and its hosts keep them."""
+    """usdrecord's: heights that follow the camera's aspect are rounded down, and kept."""
     pixel_aspect: float = 1.0
     time_window: tuple[float, float] = (0.0, 1.0)
     """Part of the shutter that is sampled; dicing still sees all of it."""
