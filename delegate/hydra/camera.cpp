@@ -111,7 +111,8 @@ void HdTrapezeCamera::Sync(HdSceneDelegate* delegate, HdRenderParam* renderParam
     double const close = GetShutterClose();
     if (created || (bits & DirtyParams)) {
         GfInterval const shutter = open <= close ? GfInterval(open, close) : GfInterval(open, open);
-        param.SetCameraShutter(this, shutter, tracker);
+        param.SetShutterOf(this, shutter);
+        param.SampleShutter(tracker);
     }
     if (created || (bits & (DirtyTransform | DirtyParams))) {
         auto const samples = HdTrapezeSampleTransform(delegate, id, param.Shutter());
@@ -156,7 +157,7 @@ void HdTrapezeCamera::Sync(HdSceneDelegate* delegate, HdRenderParam* renderParam
 
 void HdTrapezeCamera::Finalize(HdRenderParam* renderParam) {
     auto& param = *static_cast<HdTrapezeRenderParam*>(renderParam);
-    param.RemoveCamera(this);
+    param.SetShutterOf(this, GfInterval());
     if (_id != 0) {
         param.Edit(trz_prim_remove(param.Session(), _id), GetId());
         _id = 0;

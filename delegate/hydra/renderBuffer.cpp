@@ -186,8 +186,8 @@ void HdTrapezeRenderBuffer::_Update() {
     }
     // A render that has not been everywhere yet leaves the one before it on the screen, and all
     // that there is once it has ended.
-    bool const ended =
-        progress.state != TRZ_STATE_PREPARING && progress.state != TRZ_STATE_RENDERING;
+    bool const ended = progress.state != TRZ_STATE_PREPARING &&
+                       progress.state != TRZ_STATE_RENDERING && progress.state != TRZ_STATE_PAUSED;
     if (progress.state == TRZ_STATE_PREPARING || (!ended && progress.samples_done == 0) ||
         (generation == _generation && progress.samples_done == _samples && ended == _complete)) {
         return;

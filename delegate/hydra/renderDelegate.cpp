@@ -12,6 +12,7 @@
 #include "points.h"
 #include "renderBuffer.h"
 #include "renderPass.h"
+#include "renderSettings.h"
 #include "tokens.h"
 #include "unsupported.h"
 
@@ -22,8 +23,6 @@
 #include <algorithm>
 
 PXR_NAMESPACE_OPEN_SCOPE
-
-TF_DEFINE_PUBLIC_TOKENS(HdTrapezeSettingsTokens, HDTRAPEZE_SETTINGS_TOKENS);
 
 namespace {
 
@@ -40,28 +39,6 @@ bool _Has(TfTokenVector const& types, TfToken const& type) {
     return std::find(types.begin(), types.end(), type) != types.end();
 }
 
-// A setting as a number or truth value of the type; `fallback` where the host gave none or another.
-template <class T> T _Get(HdRenderDelegate const& delegate, TfToken const& key, T const& fallback) {
-    VtValue const value = VtValue::Cast<T>(delegate.GetRenderSetting(key));
-    return value.IsHolding<T>() ? value.UncheckedGet<T>() : fallback;
-}
-
-// Words of a setting, in the order of the C ABI's constants.
-uint32_t _GetWord(HdRenderDelegate const& delegate, TfToken const& key,
-                  std::vector<std::string> const& words, uint32_t fallback) {
-    VtValue const value = delegate.GetRenderSetting(key);
-    std::string word;
-    if (value.IsHolding<std::string>()) {
-        word = value.UncheckedGet<std::string>();
-    } else if (value.IsHolding<TfToken>()) {
-        word = value.UncheckedGet<TfToken>().GetString();
-    } else {
-        return fallback;
-    }
-    auto const found = std::find(words.begin(), words.end(), word);
-    return found == words.end() ? fallback : static_cast<uint32_t>(found - words.begin());
-}
-
 } // namespace
 
 HdTrapezeRenderDelegate::HdTrapezeRenderDelegate(HdRenderSettingsMap const& settings)
@@ -69,6 +46,9 @@ HdTrapezeRenderDelegate::HdTrapezeRenderDelegate(HdRenderSettingsMap const& sett
       _registry(std::make_shared<HdResourceRegistry>()) {
     if (_param->Session()) {
         _loop = std::make_unique<HdTrapezeRenderLoop>(_param->Session());
+    }
+    for (auto const& [key, value] : settings) {
+        SetRenderSetting(key, value);
     }
     _PopulateDefaultSettings(GetRenderSettingDescriptors());
 }
@@ -101,82 +81,84 @@ TfTokenVector const& HdTrapezeRenderDelegate::GetSupportedSprimTypes() const {
 }
 
 TfTokenVector const& HdTrapezeRenderDelegate::GetSupportedBprimTypes() const {
-    static TfTokenVector const types = {HdPrimTypeTokens->renderBuffer};
+    static TfTokenVector const types = {HdPrimTypeTokens->renderBuffer,
+                                        HdPrimTypeTokens->renderSettings};
     return types;
 }
 
 HdRenderSettingDescriptorList HdTrapezeRenderDelegate::GetRenderSettingDescriptors() const {
-    auto const& t = *HdTrapezeSettingsTokens;
-    // usdview shows truth values, ints, floats and strings.
-    return {
-        {"Samples per pixel", t.samples, VtValue(64)},
-        {"Shading rate (pixels)", t.shadingRate, VtValue(1.0f)},
-        {"Pixel filter", t.filter, VtValue(std::string("gaussian"))},
-        {"Filter width (pixels, 0: the filter's own)", t.filterWidth, VtValue(0.0f)},
-        {"Override the camera's shutter", t.overrideShutter, VtValue(false)},
-        {"Shutter open (frames)", t.shutterOpen, VtValue(-0.25f)},
-        {"Shutter close (frames)", t.shutterClose, VtValue(0.25f)},
-        {"Disable motion blur", t.disableMotionBlur, VtValue(false)},
-        {"Disable depth of field", t.disableDepthOfField, VtValue(false)},
-        {"Curves as", t.curves, VtValue(std::string("auto"))},
-        {"Seed", t.seed, VtValue(0)},
-        {"Threads (0: all cores)", t.threads, VtValue(0)},
-        {"Backend", t.backend, VtValue(std::string("auto"))},
-        {"Time codes per second", t.timeCodesPerSecond, VtValue(24.0f)},
-    };
+    return HdTrapezeSettingDescriptors();
 }
 
 void HdTrapezeRenderDelegate::SetRenderSetting(TfToken const& key, VtValue const& value) {
     HdRenderDelegate::SetRenderSetting(key, value);
+    TfToken const name = HdTrapezeSettingName(key);
+    if (!HdTrapezeIsSettingName(name.GetString())) {
+        return;
+    }
+    std::string why;
+    VtValue used = value;
+    if (!_settings.Set(name, value, &why)) {
+        _param->Warn(SdfPath(), why);
+        for (HdRenderSettingDescriptor const& setting : GetRenderSettingDescriptors()) {
+            used = setting.key == name ? setting.defaultValue : used;
+        }
+    }
+    HdRenderDelegate::SetRenderSetting(name, used);
+    _param->SetShutterOf(this, _settings.Shutter());
 }
 
-void HdTrapezeRenderDelegate::FillSettings(trz_settings* out) const {
-    auto const& t = *HdTrapezeSettingsTokens;
-    *out = {};
-    out->struct_size = sizeof(*out);
-    trz_settings_default(out);
-    int const samples = _Get(*this, t.samples, static_cast<int>(out->samples));
-    out->samples = static_cast<uint32_t>(std::clamp(samples, 1, 1048576));
-    float const rate = _Get(*this, t.shadingRate, out->shading_rate);
-    out->shading_rate = rate > 0.0f ? rate : out->shading_rate;
-    out->filter =
-        _GetWord(*this, t.filter, {"box", "gaussian", "mitchell", "blackman-harris"}, out->filter);
-    out->filter_width = std::clamp(_Get(*this, t.filterWidth, 0.0f), 0.0f, 64.0f);
-    out->override_shutter = _Get(*this, t.overrideShutter, false);
-    out->shutter_open = _Get(*this, t.shutterOpen, 0.0f);
-    out->shutter_close = std::max<double>(out->shutter_open, _Get(*this, t.shutterClose, 0.0f));
-    if (!out->override_shutter) {
-        out->shutter_open = out->shutter_close = 0.0;
-    }
-    out->disable_motion_blur = _Get(*this, t.disableMotionBlur, false);
-    out->disable_defocus = _Get(*this, t.disableDepthOfField, false);
-    out->curves = _GetWord(*this, t.curves, {"default", "auto", "ribbons", "tubes"}, out->curves);
-    out->seed = static_cast<uint32_t>(std::max(0, _Get(*this, t.seed, 0)));
-    out->threads = static_cast<uint32_t>(std::clamp(_Get(*this, t.threads, 0), 0, 4096));
-    out->backend = _GetWord(*this, t.backend, {"auto", "cpu", "gpu"}, out->backend);
-    out->keep_finer = _Get(*this, HdRenderSettingsTokens->enableInteractive, true);
+bool HdTrapezeRenderDelegate::IsInteractive() const {
+    return GetRenderSetting<bool>(HdRenderSettingsTokens->enableInteractive, true);
 }
 
 VtDictionary HdTrapezeRenderDelegate::GetRenderStats() const {
     VtDictionary stats;
     trz_progress progress = {};
     progress.struct_size = sizeof(progress);
-    if (!_param->Session() || trz_render_progress(_param->Session(), &progress) != TRZ_OK) {
+    trz_statistics numbers = {};
+    numbers.struct_size = sizeof(numbers);
+    trz_session* const session = _param->Session();
+    if (!session || trz_render_progress(session, &progress) != TRZ_OK ||
+        trz_statistics_get(session, &numbers) != TRZ_OK) {
         return stats;
     }
+    static char const* const states[] = {"idle",      "preparing", "rendering", "finished",
+                                         "cancelled", "failed",    "paused"};
+    std::string const state = progress.state < 7 ? states[progress.state] : "";
     stats["numCompletedSamples"] = static_cast<int>(progress.samples_done);
     stats["percentDone"] = 100.0 * progress.fraction;
     stats["totalClockTime"] = progress.seconds;
-    static char const* const states[] = {"idle",     "preparing", "rendering",
-                                         "finished", "cancelled", "failed"};
     stats["renderProgressAnnotation"] =
-        std::string(progress.state < 6 ? states[progress.state] : "");
+        state + TfStringPrintf(", %u of %u samples", progress.samples_done, progress.samples_total);
+    stats["state"] = state;
+    // Since the delegate was made, which tells what an edit cost.
+    stats["edits"] = _param->Edits();
+    stats["renders"] = _loop->Starts();
+    // Of the last commit and render.
+    stats["prims"] = numbers.prims;
+    stats["instances"] = numbers.instances;
+    stats["objects"] = numbers.objects;
+    stats["objectsDiced"] = numbers.objects_diced;
+    stats["objectsReused"] = numbers.objects_reused;
+    stats["objectsPlaced"] = numbers.objects_placed;
+    stats["grids"] = numbers.grids;
+    stats["micropolygons"] = numbers.micropolygons;
+    stats["geometryBytes"] = numbers.geometry_bytes;
+    stats["bvhBytes"] = numbers.bvh_bytes;
+    stats["peakBytes"] = numbers.peak_bytes;
+    stats["translateSeconds"] = numbers.translate_seconds;
+    stats["diceSeconds"] = numbers.dice_seconds;
+    stats["buildSeconds"] = numbers.build_seconds;
+    stats["traceSeconds"] = numbers.trace_seconds;
+    stats["rays"] = numbers.rays;
     return stats;
 }
 
 TfTokenVector HdTrapezeRenderDelegate::GetRenderSettingsNamespaces() const {
-    static TfToken const name("trapeze");
-    return {name};
+    // The second one holds names and formats of render vars.
+    static TfTokenVector const names = {TfToken("trapeze"), TfToken("driver")};
+    return names;
 }
 
 HdCommandDescriptors HdTrapezeRenderDelegate::GetCommandDescriptors() const {
@@ -201,6 +183,14 @@ bool HdTrapezeRenderDelegate::Restart() {
         _loop->Resume();
     }
     return true;
+}
+
+bool HdTrapezeRenderDelegate::Pause() {
+    return _param->Session() && trz_render_pause(_param->Session(), 1) == TRZ_OK;
+}
+
+bool HdTrapezeRenderDelegate::Resume() {
+    return _param->Session() && trz_render_pause(_param->Session(), 0) == TRZ_OK;
 }
 
 HdRenderPassSharedPtr
@@ -267,6 +257,9 @@ void HdTrapezeRenderDelegate::DestroySprim(HdSprim* prim) { delete prim; }
 HdBprim* HdTrapezeRenderDelegate::CreateBprim(TfToken const& type, SdfPath const& id) {
     if (type == HdPrimTypeTokens->renderBuffer) {
         return new HdTrapezeRenderBuffer(id);
+    }
+    if (type == HdPrimTypeTokens->renderSettings) {
+        return new HdTrapezeRenderSettings(id);
     }
     TF_CODING_ERROR("Trapeze: no buffers of type %s", type.GetText());
     return nullptr;

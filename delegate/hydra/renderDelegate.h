@@ -4,6 +4,7 @@
 #include "hdtrapeze.h"
 #include "renderLoop.h"
 #include "renderParam.h"
+#include "settings.h"
 
 #include "pxr/imaging/hd/renderDelegate.h"
 #include "pxr/pxr.h"
@@ -27,8 +28,11 @@ public:
     /// Whether an AOV of that name is rendered.
     static bool IsAov(TfToken const& name);
 
-    /// The settings of this delegate; image, camera light and cull style are the pass' to set.
-    void FillSettings(trz_settings* out) const;
+    /// What the host has set, beside defaults.
+    HdTrapezeSettingsLayer const& Settings() const { return _settings; }
+
+    /// False where the host wants whole images, and the files of products.
+    bool IsInteractive() const;
 
     HdRenderParam* GetRenderParam() const override { return _param.get(); }
     TfTokenVector const& GetSupportedRprimTypes() const override;
@@ -43,7 +47,9 @@ public:
     HdCommandDescriptors GetCommandDescriptors() const override;
     bool InvokeCommand(TfToken const& command, HdCommandArgs const& args) override;
 
-    bool IsPauseSupported() const override { return false; }
+    bool IsPauseSupported() const override { return true; }
+    bool Pause() override;
+    bool Resume() override;
     bool IsStopSupported() const override { return true; }
     bool IsStopped() const override;
     bool Stop(bool blocking = true) override;
@@ -70,6 +76,7 @@ public:
 private:
     std::unique_ptr<HdTrapezeRenderParam> _param;
     std::unique_ptr<HdTrapezeRenderLoop> _loop;
+    HdTrapezeSettingsLayer _settings{HdTrapezeSettingsLayer::Owner::Host};
     HdResourceRegistrySharedPtr _registry;
 };
 

@@ -1,7 +1,5 @@
 #include "renderLoop.h"
 
-#include "pxr/base/tf/diagnostic.h"
-
 PXR_NAMESPACE_OPEN_SCOPE
 
 HdTrapezeRenderLoop::HdTrapezeRenderLoop(trz_session* session)
@@ -17,22 +15,18 @@ HdTrapezeRenderLoop::~HdTrapezeRenderLoop() {
     _thread.join();
 }
 
-void HdTrapezeRenderLoop::Start() {
+void HdTrapezeRenderLoop::Start(std::vector<Job> jobs) {
     bool running;
     {
         std::lock_guard<std::mutex> lock(_mutex);
-        running = !_IsIdle();
+        running = _busy;
         ++_wanted;
+        _jobs = std::move(jobs);
         _changed.notify_all();
     }
     if (running) {
         trz_render_cancel(_session);
     }
-}
-
-void HdTrapezeRenderLoop::SetOnFinished(std::function<void()> onFinished) {
-    std::lock_guard<std::mutex> lock(_mutex);
-    _onFinished = std::move(onFinished);
 }
 
 void HdTrapezeRenderLoop::Stop(bool wait) {
@@ -44,7 +38,7 @@ void HdTrapezeRenderLoop::Stop(bool wait) {
     trz_render_cancel(_session);
     if (wait) {
         std::unique_lock<std::mutex> lock(_mutex);
-        _changed.wait(lock, [this] { return _IsIdle(); });
+        _changed.wait(lock, [this] { return !_busy; });
     }
 }
 
@@ -61,12 +55,12 @@ void HdTrapezeRenderLoop::Resume() {
 
 bool HdTrapezeRenderLoop::IsStopped() const {
     std::lock_guard<std::mutex> lock(_mutex);
-    return _stopped && _IsIdle();
+    return _stopped && !_busy;
 }
 
 bool HdTrapezeRenderLoop::IsConverged() const {
     std::lock_guard<std::mutex> lock(_mutex);
-    return _stopped ? _IsIdle() : _finished == _wanted;
+    return _stopped ? !_busy : _finished == _wanted;
 }
 
 uint64_t HdTrapezeRenderLoop::Generation() const {
@@ -74,8 +68,56 @@ uint64_t HdTrapezeRenderLoop::Generation() const {
     return _readable;
 }
 
+uint64_t HdTrapezeRenderLoop::Starts() const {
+    std::lock_guard<std::mutex> lock(_mutex);
+    return _wanted;
+}
+
 // With the mutex held.
-bool HdTrapezeRenderLoop::_IsIdle() const { return !_starting && _readable <= _finished; }
+bool HdTrapezeRenderLoop::_IsGivenUp(uint64_t mine) const {
+    return _quit || _stopped || _wanted != mine;
+}
+
+// With the mutex held, but while it works. False where the other jobs are not to follow.
+bool HdTrapezeRenderLoop::_RunJob(Job const& job, uint64_t mine, bool isLast,
+                                  std::unique_lock<std::mutex>& lock) {
+    trz_progress progress = {};
+    progress.struct_size = sizeof(progress);
+    std::string failure;
+    // A cancel that was meant for the render before may come late: then it is made again.
+    do {
+        _readable = isLast ? _readable : 0;
+        lock.unlock();
+        job.prepare();
+        trz_result result = trz_render_start(_session);
+        failure = result == TRZ_OK ? "" : trz_last_error();
+        lock.lock();
+        if (result == TRZ_OK && isLast) {
+            _readable = mine;
+        }
+        // The next Start or Stop ends the wait by cancelling.
+        uint32_t ended = result != TRZ_OK;
+        while (!ended && !_IsGivenUp(mine)) {
+            lock.unlock();
+            if (trz_render_wait(_session, 0.05, &ended) != TRZ_OK) {
+                failure = trz_last_error();
+                ended = 1;
+            }
+            lock.lock();
+        }
+        if (_IsGivenUp(mine)) {
+            lock.unlock();
+            trz_render_cancel(_session);
+            lock.lock();
+            return false;
+        }
+        trz_render_progress(_session, &progress);
+    } while (progress.state == TRZ_STATE_CANCELLED);
+    lock.unlock();
+    job.finish(failure);
+    lock.lock();
+    return true;
+}
 
 void HdTrapezeRenderLoop::_Run() {
     std::unique_lock<std::mutex> lock(_mutex);
@@ -86,42 +128,15 @@ void HdTrapezeRenderLoop::_Run() {
         }
         uint64_t const mine = _wanted;
         _started = mine;
-        _starting = true;
-        lock.unlock();
-        trz_result const result = trz_render_start(_session);
-        if (result != TRZ_OK && result != TRZ_ERROR_CANCELLED) {
-            TF_RUNTIME_ERROR("Trapeze: %s (%s)", trz_last_error(), trz_result_name(result));
+        _busy = true;
+        std::vector<Job> const jobs = _jobs;
+        bool isWhole = true;
+        for (size_t i = 0; i < jobs.size() && isWhole; ++i) {
+            isWhole = _RunJob(jobs[i], mine, i + 1 == jobs.size(), lock);
         }
-        lock.lock();
-        _starting = false;
-        if (result == TRZ_OK) {
-            _readable = mine;
-            // The next Start or Stop ends the wait by cancelling.
-            while (!_quit && !_stopped && _wanted == mine) {
-                lock.unlock();
-                uint32_t finished = 0;
-                trz_result const waited = trz_render_wait(_session, 0.05, &finished);
-                lock.lock();
-                if (finished || waited != TRZ_OK) {
-                    break;
-                }
-            }
-            if (_quit || _stopped || _wanted != mine) {
-                lock.unlock();
-                trz_render_cancel(_session);
-                lock.lock();
-            } else if (_onFinished) {
-                auto const onFinished = _onFinished;
-                lock.unlock();
-                onFinished();
-                lock.lock();
-            }
-        } else if (result == TRZ_ERROR_CANCELLED && !_stopped && _wanted == mine && !_quit) {
-            // Cancelled by a call that came early: try again.
-            _started = 0;
-            continue;
-        }
-        _finished = mine;
+        _busy = false;
+        // Resume makes up for what was given up.
+        _finished = isWhole ? mine : _finished;
         _changed.notify_all();
     }
 }

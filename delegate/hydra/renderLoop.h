@@ -9,7 +9,9 @@
 #include <cstdint>
 #include <functional>
 #include <mutex>
+#include <string>
 #include <thread>
+#include <vector>
 
 PXR_NAMESPACE_OPEN_SCOPE
 
@@ -22,11 +24,16 @@ public:
     /// Cancels what runs and waits for it.
     ~HdTrapezeRenderLoop();
 
-    /// Renders what is queued from the first sample; what runs is given up.
-    void Start();
+    /// One of several renders. Both functions are called on the loop's thread: what queues the view
+    /// that is rendered, and what follows when all samples were taken, or what failed.
+    struct Job {
+        std::function<void()> prepare;
+        std::function<void(std::string const& failure)> finish;
+    };
 
-    /// Calls this, on the loop's thread, when a render that was started has taken all its samples.
-    void SetOnFinished(std::function<void()> onFinished);
+    /// Makes the renders one after the other, each from the first sample; what runs is given up.
+    /// Only the last can be read.
+    void Start(std::vector<Job> jobs);
 
     /// Gives up what runs, and starts nothing until Resume. What was rendered stays readable.
     void Stop(bool wait);
@@ -43,19 +50,23 @@ public:
     /// The number of the render that AOVs can be read of, 0 for none; it grows with each.
     uint64_t Generation() const;
 
+    /// How often renders were started.
+    uint64_t Starts() const;
+
 private:
     void _Run();
-    bool _IsIdle() const;
+    bool _RunJob(Job const& job, uint64_t mine, bool isLast, std::unique_lock<std::mutex>& lock);
+    bool _IsGivenUp(uint64_t mine) const;
 
     trz_session* const _session;
     mutable std::mutex _mutex;
     std::condition_variable _changed;
-    std::function<void()> _onFinished;
+    std::vector<Job> _jobs;
     uint64_t _wanted = 0;
     uint64_t _started = 0;
     uint64_t _readable = 0;
     uint64_t _finished = 0;
-    bool _starting = false;
+    bool _busy = false;
     bool _stopped = false;
     bool _quit = false;
     std::thread _thread;

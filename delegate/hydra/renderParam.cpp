@@ -3,6 +3,9 @@
 #include "instancer.h"
 
 #include "pxr/base/tf/diagnostic.h"
+#include "pxr/imaging/hd/renderIndex.h"
+#include "pxr/imaging/hd/sceneIndex.h"
+#include "pxr/imaging/hd/tokens.h"
 
 PXR_NAMESPACE_OPEN_SCOPE
 
@@ -39,23 +42,36 @@ HdTrapezeRenderParam::HdTrapezeRenderParam() {
 HdTrapezeRenderParam::~HdTrapezeRenderParam() { trz_session_destroy(_session); }
 
 bool HdTrapezeRenderParam::Edit(trz_result result, SdfPath const& id) {
-    if (result == TRZ_OK) {
+    bool const done = Check(result, id);
+    if (done) {
         ++_edits;
-        return true;
     }
-    TF_WARN("Trapeze <%s>: %s (%s)", id.GetText(), trz_last_error(), trz_result_name(result));
-    return false;
+    return done;
 }
 
-GfInterval HdTrapezeRenderParam::_ComputeShutter() const {
-    GfInterval shutter(0.0, 0.0);
-    if (!_override.IsEmpty()) {
-        return shutter | _override;
+bool HdTrapezeRenderParam::Check(trz_result result, SdfPath const& id) const {
+    if (result != TRZ_OK) {
+        Warn(id, std::string(trz_last_error()) + " (" + trz_result_name(result) + ")");
     }
-    for (auto const& [camera, interval] : _cameras) {
-        shutter |= interval;
+    return result == TRZ_OK;
+}
+
+void HdTrapezeRenderParam::Warn(SdfPath const& id, std::string const& text) const {
+    if (id.IsEmpty()) {
+        TF_WARN("Trapeze: %s", text.c_str());
+    } else {
+        TF_WARN("Trapeze <%s>: %s", id.GetText(), text.c_str());
     }
-    return shutter;
+}
+
+void HdTrapezeRenderParam::WarnOnce(SdfPath const& id, std::string const& text) {
+    {
+        std::lock_guard<std::mutex> lock(_mutex);
+        if (!_warned.emplace(id, text).second) {
+            return;
+        }
+    }
+    Warn(id, text);
 }
 
 GfInterval HdTrapezeRenderParam::Shutter() const {
@@ -63,65 +79,91 @@ GfInterval HdTrapezeRenderParam::Shutter() const {
     return _shutter;
 }
 
-// With the mutex held. True where more has to be sampled than was; a smaller interval waits until
-// something else is sampled anew.
-bool HdTrapezeRenderParam::_GrowShutter() {
-    GfInterval const shutter = _ComputeShutter();
-    bool const grown = !_shutter.Contains(shutter);
-    if (grown) {
-        _shutter = shutter;
-    }
-    return grown;
-}
-
-void HdTrapezeRenderParam::SetShutterOverride(GfInterval const& shutter, HdChangeTracker& tracker) {
-    std::unique_lock<std::mutex> lock(_mutex);
-    _override = shutter;
-    if (_GrowShutter()) {
-        lock.unlock();
-        MarkMotionDirty(tracker);
-    }
-}
-
-void HdTrapezeRenderParam::SetCameraShutter(HdTrapezeCamera const* camera,
-                                            GfInterval const& shutter, HdChangeTracker& tracker) {
-    std::unique_lock<std::mutex> lock(_mutex);
-    _cameras[camera] = shutter;
-    if (_GrowShutter()) {
-        lock.unlock();
-        MarkMotionDirty(tracker);
-    }
-}
-
-void HdTrapezeRenderParam::RemoveCamera(HdTrapezeCamera const* camera) {
+void HdTrapezeRenderParam::SetShutterOf(void const* owner, GfInterval const& shutter) {
     std::lock_guard<std::mutex> lock(_mutex);
-    _cameras.erase(camera);
+    if (shutter.IsEmpty()) {
+        _shutters.erase(owner);
+    } else {
+        _shutters[owner] = shutter;
+    }
 }
 
-void HdTrapezeRenderParam::MarkMotionDirty(HdChangeTracker& tracker) const {
+bool HdTrapezeRenderParam::SampleShutter(HdChangeTracker& tracker) {
     std::lock_guard<std::mutex> lock(_mutex);
+    GfInterval shutter(0.0, 0.0);
+    for (auto const& [owner, interval] : _shutters) {
+        shutter |= interval;
+    }
+    if (_shutter.Contains(shutter)) {
+        return false;
+    }
+    _shutter = shutter;
+    _MarkMotionDirty(tracker);
+    return true;
+}
+
+namespace {
+
+HdDirtyBits const _primMotion =
+    HdChangeTracker::DirtyTransform | HdChangeTracker::DirtyPoints | HdChangeTracker::DirtyPrimvar;
+HdDirtyBits const _instancerMotion =
+    HdChangeTracker::DirtyTransform | HdChangeTracker::DirtyPrimvar;
+
+} // namespace
+
+// With the mutex held.
+void HdTrapezeRenderParam::_MarkMotionDirty(HdChangeTracker& tracker) const {
     for (auto const& [id, prim] : _prims) {
-        tracker.MarkRprimDirty(id, HdChangeTracker::DirtyTransform | HdChangeTracker::DirtyPoints |
-                                       HdChangeTracker::DirtyPrimvar);
+        tracker.MarkRprimDirty(id, _primMotion);
     }
     for (auto const& [id, instancer] : _instancers) {
-        tracker.MarkInstancerDirty(id,
-                                   HdChangeTracker::DirtyTransform | HdChangeTracker::DirtyPrimvar);
+        tracker.MarkInstancerDirty(id, _instancerMotion);
     }
 }
 
-void HdTrapezeRenderParam::SetTimeCodesPerSecond(double rate, HdChangeTracker& tracker) {
-    if (rate > 0.0 && _timeCodesPerSecond.exchange(rate) != rate) {
-        MarkMotionDirty(tracker);
+bool HdTrapezeRenderParam::MarkMotionDirty(HdRenderIndex& index, bool onlyOldHosts) const {
+    // Prims of scene delegates are told by what their scene index says.
+    HdSceneIndexBaseRefPtr const scene = index.GetTerminalSceneIndex();
+    auto const isMarked = [&](SdfPath const& id) {
+        if (!onlyOldHosts || !scene) {
+            return true;
+        }
+        HdContainerDataSourceHandle const source = scene->GetPrim(id).dataSource;
+        return source && source->Get(HdSceneIndexEmulationTokens->sceneDelegate);
+    };
+    HdChangeTracker& tracker = index.GetChangeTracker();
+    std::lock_guard<std::mutex> lock(_mutex);
+    bool any = false;
+    for (auto const& [id, prim] : _prims) {
+        if (isMarked(id)) {
+            tracker.MarkRprimDirty(id, _primMotion);
+            any = true;
+        }
     }
+    for (auto const& [id, instancer] : _instancers) {
+        if (isMarked(id)) {
+            tracker.MarkInstancerDirty(id, _instancerMotion);
+            any = true;
+        }
+    }
+    return any;
 }
 
-void HdTrapezeRenderParam::WantPrimvars(std::set<TfToken> const& names, HdChangeTracker& tracker) {
+bool HdTrapezeRenderParam::SetTimeCodesPerSecond(double rate, HdChangeTracker& tracker) {
+    if (!(rate > 0.0) || _timeCodesPerSecond.exchange(rate) == rate) {
+        return false;
+    }
+    std::lock_guard<std::mutex> lock(_mutex);
+    _MarkMotionDirty(tracker);
+    return true;
+}
+
+bool HdTrapezeRenderParam::WantPrimvars(std::set<TfToken> const& names, HdChangeTracker& tracker) {
     std::lock_guard<std::mutex> lock(_mutex);
     size_t const before = _wanted.size();
     _wanted.insert(names.begin(), names.end());
     if (_wanted.size() == before) {
-        return;
+        return false;
     }
     for (auto const& [id, prim] : _prims) {
         tracker.MarkRprimDirty(id, HdChangeTracker::DirtyPrimvar);
@@ -129,6 +171,7 @@ void HdTrapezeRenderParam::WantPrimvars(std::set<TfToken> const& names, HdChange
     for (auto const& [id, instancer] : _instancers) {
         tracker.MarkInstancerDirty(id, HdChangeTracker::DirtyPrimvar);
     }
+    return true;
 }
 
 std::set<TfToken> HdTrapezeRenderParam::WantedPrimvars() const {
@@ -161,6 +204,22 @@ HdTrapezeInstancer* HdTrapezeRenderParam::FindInstancer(SdfPath const& id) const
     std::lock_guard<std::mutex> lock(_mutex);
     auto const found = _instancers.find(id);
     return found == _instancers.end() ? nullptr : found->second;
+}
+
+void HdTrapezeRenderParam::AddRenderSettings(SdfPath const& id, HdTrapezeRenderSettings* settings) {
+    std::lock_guard<std::mutex> lock(_mutex);
+    _renderSettings[id] = settings;
+}
+
+void HdTrapezeRenderParam::RemoveRenderSettings(SdfPath const& id) {
+    std::lock_guard<std::mutex> lock(_mutex);
+    _renderSettings.erase(id);
+}
+
+HdTrapezeRenderSettings* HdTrapezeRenderParam::FindRenderSettings(SdfPath const& id) const {
+    std::lock_guard<std::mutex> lock(_mutex);
+    auto const found = _renderSettings.find(id);
+    return found == _renderSettings.end() ? nullptr : found->second;
 }
 
 void HdTrapezeRenderParam::CommitInstancers() {

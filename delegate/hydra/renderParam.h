@@ -14,14 +14,16 @@
 #include <map>
 #include <mutex>
 #include <set>
+#include <string>
 #include <unordered_map>
 #include <vector>
 
 PXR_NAMESPACE_OPEN_SCOPE
 
-class HdTrapezeCamera;
+class HdRenderIndex;
 class HdTrapezeInstancer;
 class HdTrapezePrim;
+class HdTrapezeRenderSettings;
 
 /// What the prims of one render delegate share: the renderer's session, the shutter that motion is
 /// sampled for, and who there is. Functions may be called from any thread unless they say
@@ -37,34 +39,45 @@ public:
     /// Counts an edit where the call was a success; otherwise warns, naming the prim.
     bool Edit(trz_result result, SdfPath const& id);
 
+    /// Edit for what is no edit of the scene.
+    bool Check(trz_result result, SdfPath const& id) const;
+
+    /// A warning about a prim, or, with an empty path, about none.
+    void Warn(SdfPath const& id, std::string const& text) const;
+
+    /// The same, the first time only.
+    void WarnOnce(SdfPath const& id, std::string const& text);
+
     /// Edits so far: where it has grown, there is something to render anew.
     uint64_t Edits() const { return _edits; }
 
     // Motion -------------------------------------------------------------------------------------
 
     /// The interval that motion is sampled for, time codes relative to the frame. It holds 0, since
-    /// velocities count from there, and the shutters of all cameras.
+    /// velocities count from there, and the shutters of all cameras and settings.
     GfInterval Shutter() const;
 
-    /// The shutter that settings ask for, in place of those of cameras; an empty one for none.
-    /// Marks what moves where this changes what is to be sampled. Not from Rprims' Sync.
-    void SetShutterOverride(GfInterval const& shutter, HdChangeTracker& tracker);
+    /// The shutter of a camera, of the host's settings or a RenderSettings prim; an empty one for
+    /// none. SampleShutter makes it count.
+    void SetShutterOf(void const* owner, GfInterval const& shutter);
 
-    /// A camera's shutter, as SetShutterOverride.
-    void SetCameraShutter(HdTrapezeCamera const* camera, GfInterval const& shutter,
-                          HdChangeTracker& tracker);
-    void RemoveCamera(HdTrapezeCamera const* camera);
+    /// Marks what moves where more is to be sampled than was; true then. Not from Rprims' Sync. A
+    /// smaller interval waits until something else is sampled anew.
+    bool SampleShutter(HdChangeTracker& tracker);
 
-    /// Has everything that may move synced again.
-    void MarkMotionDirty(HdChangeTracker& tracker) const;
+    /// Has everything that may move synced again; with `onlyOldHosts` only those prims whose
+    /// samples are of a shutter that the host alone chooses. True where there is any.
+    bool MarkMotionDirty(HdRenderIndex& index, bool onlyOldHosts) const;
 
+    /// Time codes a second, which velocities are resolved with. True where it changed.
     double TimeCodesPerSecond() const { return _timeCodesPerSecond; }
-    void SetTimeCodesPerSecond(double rate, HdChangeTracker& tracker);
+    bool SetTimeCodesPerSecond(double rate, HdChangeTracker& tracker);
 
     // Primvars -----------------------------------------------------------------------------------
 
-    /// Primvars that AOVs show, beside those that shading needs. Marks prims where it grows.
-    void WantPrimvars(std::set<TfToken> const& names, HdChangeTracker& tracker);
+    /// Primvars that AOVs show, beside those that shading needs. Marks prims where it grows; true
+    /// then.
+    bool WantPrimvars(std::set<TfToken> const& names, HdChangeTracker& tracker);
     std::set<TfToken> WantedPrimvars() const;
 
     // Prims --------------------------------------------------------------------------------------
@@ -90,6 +103,10 @@ public:
     void MarkVisibilityDirty() { ++_visibilityVersion; }
     uint64_t VisibilityVersion() const { return _visibilityVersion; }
 
+    void AddRenderSettings(SdfPath const& id, HdTrapezeRenderSettings* settings);
+    void RemoveRenderSettings(SdfPath const& id);
+    HdTrapezeRenderSettings* FindRenderSettings(SdfPath const& id) const;
+
     // Lights -------------------------------------------------------------------------------------
 
     /// Lights that the host has: those of the scene, and the one that it puts at the camera.
@@ -98,8 +115,7 @@ public:
     bool HasLights() const { return _lights > 0; }
 
 private:
-    GfInterval _ComputeShutter() const;
-    bool _GrowShutter();
+    void _MarkMotionDirty(HdChangeTracker& tracker) const;
 
     trz_session* _session = nullptr;
     std::atomic<uint64_t> _edits{0};
@@ -108,12 +124,13 @@ private:
     std::atomic<double> _timeCodesPerSecond{24.0};
 
     mutable std::mutex _mutex;
-    GfInterval _override;
-    std::unordered_map<HdTrapezeCamera const*, GfInterval> _cameras;
+    std::unordered_map<void const*, GfInterval> _shutters;
     GfInterval _shutter{0.0, 0.0};
+    std::set<std::pair<SdfPath, std::string>> _warned;
     std::set<TfToken> _wanted;
     std::map<SdfPath, HdTrapezePrim*> _prims;
     std::map<SdfPath, HdTrapezeInstancer*> _instancers;
+    std::map<SdfPath, HdTrapezeRenderSettings*> _renderSettings;
 };
 
 PXR_NAMESPACE_CLOSE_SCOPE

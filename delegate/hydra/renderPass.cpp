@@ -6,6 +6,7 @@
 #include "renderDelegate.h"
 #include "renderLoop.h"
 #include "renderParam.h"
+#include "renderSettings.h"
 
 #include "pxr/imaging/hd/renderIndex.h"
 #include "pxr/imaging/hd/renderPassState.h"
@@ -13,7 +14,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
+#include <set>
 
 PXR_NAMESPACE_OPEN_SCOPE
 
@@ -24,21 +25,6 @@ namespace {
 float _RateOfLevel(int level) {
     static float const rates[] = {1.0f, 0.7f, 0.5f, 0.25f};
     return rates[std::clamp(level, 0, 3)];
-}
-
-uint32_t _Policy(CameraUtilConformWindowPolicy policy) {
-    switch (policy) {
-    case CameraUtilMatchHorizontally:
-        return TRZ_WINDOW_MATCH_HORIZONTALLY;
-    case CameraUtilMatchVertically:
-        return TRZ_WINDOW_MATCH_VERTICALLY;
-    case CameraUtilFit:
-        return TRZ_WINDOW_FIT;
-    case CameraUtilCrop:
-        return TRZ_WINDOW_CROP;
-    default:
-        return TRZ_WINDOW_DONT_CONFORM;
-    }
 }
 
 uint32_t _Cull(HdCullStyle style, uint32_t fallback) {
@@ -88,12 +74,6 @@ bool _SetFraming(HdRenderPassState const& state, trz_settings* settings, GfVec2i
 
 } // namespace
 
-bool HdTrapezeRenderPass::_View::operator==(_View const& other) const {
-    // Settings come from trz_settings_default each time, so that their padding is the same.
-    return camera == other.camera && aovs == other.aovs &&
-           std::memcmp(&settings, &other.settings, sizeof(settings)) == 0;
-}
-
 HdTrapezeRenderPass::HdTrapezeRenderPass(HdRenderIndex* index, HdRprimCollection const& collection,
                                          HdTrapezeRenderDelegate* delegate)
     : HdRenderPass(index, collection), _delegate(delegate) {}
@@ -128,84 +108,156 @@ void HdTrapezeRenderPass::_Include(TfTokenVector const& tags) {
     });
 }
 
-void HdTrapezeRenderPass::_Push(_View const& view) {
+// Before Rprims are: what they sample motion for.
+void HdTrapezeRenderPass::_Sync() { _SampleMotion(); }
+
+// Settles what motion is sampled for, and with which rate. True where prims are to be synced again.
+bool HdTrapezeRenderPass::_SampleMotion() {
+    HdRenderIndex& index = *GetRenderIndex();
     HdTrapezeRenderParam& param = _delegate->Param();
-    SdfPath const none;
-    param.Edit(trz_session_set_settings(param.Session(), &view.settings), none);
-    param.Edit(trz_session_set_active_camera(param.Session(), view.camera), none);
-    std::vector<char const*> names;
-    for (std::string const& name : view.aovs) {
-        names.push_back(name.c_str());
+    HdTrapezeSettings settings;
+    _delegate->Settings().Apply(&settings);
+    double const rate = HdTrapezeStageRate(index, settings.timeCodesPerSecond);
+    bool const sampled = param.SampleShutter(index.GetChangeTracker());
+    return param.SetTimeCodesPerSecond(rate, index.GetChangeTracker()) || sampled;
+}
+
+// Older hosts sample motion for the shutter of one camera of their choice, which is the one that
+// renders when prims are synced. True where samples lack some of its shutter.
+bool HdTrapezeRenderPass::_LacksSamples(HdCamera const& camera) {
+    HdRenderIndex& index = *GetRenderIndex();
+    GfInterval const shutter(camera.GetShutterOpen(),
+                             std::max(camera.GetShutterOpen(), camera.GetShutterClose()));
+    unsigned const version = index.GetChangeTracker().GetSceneStateVersion();
+    if (_sampled.IsEmpty()) {
+        _sampled = shutter;
     }
-    param.Edit(trz_session_set_aovs(param.Session(), names.data(), names.size()), none);
+    bool const lacks = !_sampled.Contains(shutter);
+    if (lacks) {
+        _sampled = shutter;
+    } else if (version != _sceneVersion) {
+        // What was synced since has samples of this one.
+        _sampled &= shutter;
+    }
+    _sceneVersion = version;
+    return lacks && _delegate->Param().MarkMotionDirty(index, true);
+}
+
+// The view of the host's own image; false where there is nothing to render.
+bool HdTrapezeRenderPass::_MakeView(HdRenderPassState const& state,
+                                    HdTrapezeRenderSettings const* prim, HdTrapezeView* view) {
+    HdTrapezeRenderParam& param = _delegate->Param();
+    auto const* const camera = static_cast<HdTrapezeCamera const*>(state.GetCamera());
+    HdTrapezeSettings settings;
+    if (prim) {
+        prim->Apply(&settings);
+    }
+    _delegate->Settings().Apply(&settings);
+    view->camera = camera->Id();
+    view->settings = HdTrapezeFinish(settings);
+    if (prim) {
+        prim->DisableEffects(&view->settings);
+    }
+    GfVec2i origin;
+    if (!_SetFraming(state, &view->settings, &origin)) {
+        return false;
+    }
+    view->settings.keep_finer = _delegate->IsInteractive();
+    view->settings.shading_rate *= _RateOfLevel(_refineLevel);
+    view->settings.window_policy = HdTrapezeWindowPolicy(state.GetWindowPolicy());
+    view->settings.cull = _Cull(state.GetCullStyle(), view->settings.cull);
+    view->settings.camera_light =
+        param.HasLights() && state.GetLightingEnabled() && settings.cameraLight;
+    for (HdRenderPassAovBinding const& binding : state.GetAovBindings()) {
+        auto* const buffer = static_cast<HdTrapezeRenderBuffer*>(binding.renderBuffer);
+        if (buffer && HdTrapezeRenderDelegate::IsAov(binding.aovName)) {
+            std::string const& name = binding.aovName.GetString();
+            buffer->Bind(param.Session(), _delegate->Loop(), name, binding.clearValue, origin);
+            view->AddAov(name);
+        }
+    }
+    return true;
+}
+
+// What is rendered: the host's image and, of hosts that want files, the products.
+std::vector<HdTrapezeRender> HdTrapezeRenderPass::_Plan(HdTrapezeView const& view,
+                                                        HdTrapezeRenderSettings const* prim) {
+    if (!prim || _delegate->IsInteractive()) {
+        return {{view, {}}};
+    }
+    HdTrapezeSettings settings;
+    prim->Apply(&settings);
+    return HdTrapezePlan(*prim, {*GetRenderIndex(), _delegate->Param(), view, _delegate->Settings(),
+                                 settings, _RateOfLevel(_refineLevel)});
+}
+
+void HdTrapezeRenderPass::_Start() {
+    HdTrapezeRenderParam& param = _delegate->Param();
+    // The session knows at once, unless the loop may be between several.
+    _hasSeveral |= _renders.size() > 1;
+    if (!_hasSeveral) {
+        _renders.front().view.Push(param);
+    }
+    std::vector<HdTrapezeRenderLoop::Job> jobs;
+    for (HdTrapezeRender const& render : _renders) {
+        jobs.push_back({[&param, push = _hasSeveral, view = render.view] {
+                            if (push) {
+                                view.Push(param);
+                            }
+                        },
+                        [&param, files = render.files](std::string const& failure) {
+                            for (HdTrapezeFile const& file : files) {
+                                file.Write(param, failure);
+                            }
+                            if (!failure.empty()) {
+                                TF_RUNTIME_ERROR("Trapeze: %s", failure.c_str());
+                            }
+                        }});
+    }
+    _delegate->Loop()->Start(std::move(jobs));
 }
 
 void HdTrapezeRenderPass::_Execute(HdRenderPassStateSharedPtr const& state,
                                    TfTokenVector const& tags) {
     HdTrapezeRenderParam& param = _delegate->Param();
-    HdTrapezeRenderLoop* const loop = _delegate->Loop();
-    auto const* const camera = static_cast<HdTrapezeCamera const*>(state->GetCamera());
-    HdRenderPassAovBindingVector const& bindings = state->GetAovBindings();
-    if (!loop || !camera || bindings.empty()) {
+    HdCamera const* const camera = state->GetCamera();
+    if (!_delegate->Loop() || !camera || state->GetAovBindings().empty()) {
         return;
     }
-    HdChangeTracker& tracker = GetRenderIndex()->GetChangeTracker();
-
+    HdRenderIndex& index = *GetRenderIndex();
+    HdTrapezeRenderSettings const* const prim =
+        param.FindRenderSettings(HdTrapezeActiveSettings(index));
     _Include(tags);
-    _View view;
-    GfVec2i origin;
-    view.camera = camera->Id();
-    _delegate->FillSettings(&view.settings);
-    if (!_SetFraming(*state, &view.settings, &origin)) {
+    HdTrapezeView view;
+    if (!_MakeView(*state, prim, &view)) {
         return;
     }
-    view.settings.shading_rate *= _RateOfLevel(_refineLevel);
-    view.settings.window_policy = _Policy(state->GetWindowPolicy());
-    view.settings.cull = _Cull(state->GetCullStyle(), view.settings.cull);
-    view.settings.camera_light = param.HasLights() && state->GetLightingEnabled();
-
+    double frame = 0.0;
+    HdTrapezeCurrentFrame(index, &frame);
+    _State now = {view, prim, prim ? prim->Version() : 0, frame, param.Edits()};
+    bool const changed = !(now == _state);
+    std::vector<HdTrapezeRender> renders = changed ? _Plan(view, prim) : _renders;
     std::set<TfToken> primvars;
-    for (HdRenderPassAovBinding const& binding : bindings) {
-        auto* const buffer = static_cast<HdTrapezeRenderBuffer*>(binding.renderBuffer);
-        HdParsedAovToken const parsed(binding.aovName);
-        if (!buffer || !HdTrapezeRenderDelegate::IsAov(binding.aovName)) {
-            continue;
-        }
-        if (parsed.isPrimvar) {
-            primvars.insert(parsed.name);
-        }
-        std::string const name = binding.aovName.GetString();
-        buffer->Bind(param.Session(), loop, name, binding.clearValue, origin);
-        if (std::find(view.aovs.begin(), view.aovs.end(), name) == view.aovs.end()) {
-            view.aovs.push_back(name);
+    for (HdTrapezeRender const& render : renders) {
+        for (std::string const& aov : render.view.aovs) {
+            HdParsedAovToken const parsed{TfToken(aov)};
+            if (parsed.isPrimvar) {
+                primvars.insert(parsed.name);
+            }
         }
     }
-    param.WantPrimvars(primvars, tracker);
-
-    // Only here is it known which camera renders. Hosts whose samples are those of one camera's
-    // shutter have to be asked again when that is another one.
-    double const open =
-        view.settings.override_shutter ? view.settings.shutter_open : camera->GetShutterOpen();
-    double const close =
-        view.settings.override_shutter ? view.settings.shutter_close : camera->GetShutterClose();
-    bool const other = _camera != camera->GetId() || _shutter[0] != open || _shutter[1] != close;
-    _resyncing = false;
-    if (other) {
-        if (!_camera.IsEmpty()) {
-            param.MarkMotionDirty(tracker);
-            _resyncing = true;
-        }
-        _camera = camera->GetId();
-        _shutter[0] = open;
-        _shutter[1] = close;
+    // Only here is it known what renders. What has to be synced for it again is at the next call.
+    bool const wants = param.WantPrimvars(primvars, index.GetChangeTracker());
+    bool const samples = _SampleMotion();
+    _resyncing = _LacksSamples(*camera) || wants || samples;
+    if (_resyncing || !changed) {
+        return;
     }
-
-    bool const changed = !(view == _view) || param.Edits() != _edits;
-    if (changed) {
-        _view = view;
-        _Push(view);
-        _edits = param.Edits();
-        loop->Start();
+    bool const isSame = renders == _renders && now.edits == _state.edits;
+    _state = std::move(now);
+    if (!isSame) {
+        _renders = std::move(renders);
+        _Start();
     }
 }
 

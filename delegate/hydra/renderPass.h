@@ -1,19 +1,20 @@
 #ifndef HDTRAPEZE_RENDER_PASS_H
 #define HDTRAPEZE_RENDER_PASS_H
 
-#include "hdtrapeze.h"
+#include "products.h"
 
 #include "pxr/base/gf/vec2i.h"
 #include "pxr/imaging/hd/renderPass.h"
 #include "pxr/imaging/hd/rprimCollection.h"
 #include "pxr/pxr.h"
 
-#include <string>
 #include <vector>
 
 PXR_NAMESPACE_OPEN_SCOPE
 
+class HdCamera;
 class HdTrapezeRenderDelegate;
+class HdTrapezeRenderSettings;
 
 /// Starts a render where something has changed since the last one, and tells how far it is.
 class HdTrapezeRenderPass final : public HdRenderPass {
@@ -25,20 +26,32 @@ public:
 
 protected:
     void _Execute(HdRenderPassStateSharedPtr const& state, TfTokenVector const& tags) override;
+    void _Sync() override;
     void _MarkCollectionDirty() override { _collectionDirty = true; }
 
 private:
-    // What is rendered, besides the scene.
-    struct _View {
-        trz_id camera = 0;
-        trz_settings settings = {};
-        std::vector<std::string> aovs;
+    // What decides which renders are made.
+    struct _State {
+        HdTrapezeView view;
+        HdTrapezeRenderSettings const* prim = nullptr;
+        uint64_t primVersion = 0;
+        double frame = 0.0;
+        uint64_t edits = 0;
 
-        bool operator==(_View const& other) const;
+        bool operator==(_State const& other) const {
+            return view == other.view && prim == other.prim && primVersion == other.primVersion &&
+                   frame == other.frame && edits == other.edits;
+        }
     };
 
     void _Include(TfTokenVector const& tags);
-    void _Push(_View const& view);
+    bool _SampleMotion();
+    bool _LacksSamples(HdCamera const& camera);
+    bool _MakeView(HdRenderPassState const& state, HdTrapezeRenderSettings const* prim,
+                   HdTrapezeView* view);
+    std::vector<HdTrapezeRender> _Plan(HdTrapezeView const& view,
+                                       HdTrapezeRenderSettings const* prim);
+    void _Start();
 
     HdTrapezeRenderDelegate* const _delegate;
     bool _collectionDirty = true;
@@ -46,11 +59,12 @@ private:
     TfTokenVector _tags;
     uint64_t _visibilityVersion = 0;
     int _refineLevel = 0;
-    _View _view;
-    uint64_t _edits = 0;
-    // The camera and shutter that the host's samples were taken for.
-    SdfPath _camera;
-    double _shutter[2] = {0.0, 0.0};
+    _State _state;
+    std::vector<HdTrapezeRender> _renders;
+    bool _hasSeveral = false;
+    // The part of shutters that all prims have samples of, and when that was found.
+    GfInterval _sampled;
+    unsigned _sceneVersion = 0;
 };
 
 PXR_NAMESPACE_CLOSE_SCOPE

@@ -12,11 +12,13 @@ PXR_NAMESPACE_OPEN_SCOPE
         (filter, "trapeze:filter"))((filterWidth, "trapeze:filterWidth"))(                         \
         (curves, "trapeze:curves"))((cull, "trapeze:cull"))((seed, "trapeze:seed"))(               \
         (threads, "trapeze:threads"))((backend, "trapeze:backend"))(                               \
-        (overrideShutter, "trapeze:overrideShutter"))((shutterOpen, "trapeze:shutterOpen"))(       \
-        (shutterClose, "trapeze:shutterClose"))((disableMotionBlur, "trapeze:disableMotionBlur"))( \
+        (cameraLight, "trapeze:cameraLight"))((overrideShutter, "trapeze:overrideShutter"))(       \
+        (shutterOpen, "trapeze:shutterOpen"))((shutterClose, "trapeze:shutterClose"))(             \
+        (shutter, "trapeze:shutter"))((disableMotionBlur, "trapeze:disableMotionBlur"))(           \
         (disableDepthOfField, "trapeze:disableDepthOfField"))(                                     \
         (maxMicropolygons, "trapeze:maxMicropolygons"))(                                           \
-        (timeCodesPerSecond, "trapeze:timeCodesPerSecond"))
+        (timeCodesPerSecond, "trapeze:timeCodesPerSecond"))((compression, "trapeze:compression"))( \
+        (pixelType, "trapeze:pixelType"))
 
 TF_DECLARE_PUBLIC_TOKENS(HdTrapezeSettingsTokens, HDTRAPEZE_SETTINGS_TOKENS);
 

@@ -1,0 +1,114 @@
+#include "renderSettings.h"
+
+#include "renderParam.h"
+
+#include "pxr/imaging/hd/renderIndex.h"
+#include "pxr/imaging/hd/sceneDelegate.h"
+#include "pxr/imaging/hd/sceneGlobalsSchema.h"
+#include "pxr/imaging/hd/sceneIndex.h"
+#include "pxr/imaging/hd/utils.h"
+#include "pxr/imaging/hd/version.h"
+
+#include <algorithm>
+#include <cmath>
+
+PXR_NAMESPACE_OPEN_SCOPE
+
+void HdTrapezeRenderSettings::_Sync(HdSceneDelegate* delegate, HdRenderParam* renderParam,
+                                    HdDirtyBits const*) {
+    auto& param = *static_cast<HdTrapezeRenderParam*>(renderParam);
+    ++_version;
+    param.AddRenderSettings(GetId(), this);
+    _layer = HdTrapezeReadNamespaced(GetNamespacedSettings(), GetId(), param);
+    RenderProducts const& products = GetRenderProducts();
+#if HD_API_VERSION >= 92
+    _disableMotionBlur = GetDisableMotionBlur();
+    _disableDepthOfField = GetDisableDepthOfField();
+#else
+    // Older hosts only tell what comes of it for the products.
+    auto const all = [&](bool HdRenderSettings::RenderProduct::* disabled) {
+        return !products.empty() && std::all_of(products.begin(), products.end(),
+                                                [&](auto const& p) { return p.*disabled; });
+    };
+    _disableMotionBlur = all(&RenderProduct::disableMotionBlur);
+    _disableDepthOfField = all(&RenderProduct::disableDepthOfField);
+#endif
+    // Motion is sampled for the shutters of all products; those of cameras are known.
+    GfInterval shutter = _layer.Shutter();
+    for (RenderProduct const& product : products) {
+        shutter |= HdTrapezeReadNamespaced(product.namespacedSettings, product.productPath, param)
+                       .Shutter();
+    }
+#if HD_API_VERSION >= 92
+    VtValue const& interval = GetUnionedSamplingInterval();
+#else
+    VtValue const& interval = GetShutterInterval();
+#endif
+    if (interval.IsHolding<GfVec2d>()) {
+        GfVec2d const times = interval.UncheckedGet<GfVec2d>();
+        shutter |= GfInterval(times[0], times[1]);
+    }
+    param.SetShutterOf(this, shutter);
+    param.SampleShutter(delegate->GetRenderIndex().GetChangeTracker());
+}
+
+void HdTrapezeRenderSettings::Finalize(HdRenderParam* renderParam) {
+    auto& param = *static_cast<HdTrapezeRenderParam*>(renderParam);
+    param.SetShutterOf(this, GfInterval());
+    param.RemoveRenderSettings(GetId());
+}
+
+void HdTrapezeRenderSettings::DisableEffects(trz_settings* settings) const {
+    settings->disable_motion_blur |= _disableMotionBlur ? 1 : 0;
+    settings->disable_defocus |= _disableDepthOfField ? 1 : 0;
+}
+
+HdTrapezeSettingsLayer HdTrapezeReadNamespaced(VtDictionary const& settings, SdfPath const& id,
+                                               HdTrapezeRenderParam& param) {
+    HdTrapezeSettingsLayer layer(HdTrapezeSettingsLayer::Owner::Prim);
+    for (auto const& [name, value] : settings) {
+        std::string why;
+        if (HdTrapezeIsSettingName(name) && !layer.Set(TfToken(name), value, &why)) {
+            param.WarnOnce(id, why);
+        }
+    }
+    return layer;
+}
+
+bool HdTrapezeCurrentFrame(HdRenderIndex const& index, double* frame) {
+#if HD_API_VERSION >= 71
+    if (HdSceneIndexBaseRefPtr const scene = index.GetTerminalSceneIndex()) {
+        if (auto const source = HdSceneGlobalsSchema::GetFromSceneIndex(scene).GetCurrentFrame()) {
+            *frame = source->GetTypedValue(0.0f);
+            return std::isfinite(*frame);
+        }
+    }
+#else
+    (void)index;
+    (void)frame;
+#endif
+    return false;
+}
+
+SdfPath HdTrapezeActiveSettings(HdRenderIndex const& index) {
+    SdfPath path;
+    HdSceneIndexBaseRefPtr const scene = index.GetTerminalSceneIndex();
+    return scene && HdUtils::HasActiveRenderSettingsPrim(scene, &path) ? path : SdfPath();
+}
+
+double HdTrapezeStageRate(HdRenderIndex const& index, double fallback) {
+#if HD_API_VERSION >= 78
+    if (HdSceneIndexBaseRefPtr const scene = index.GetTerminalSceneIndex()) {
+        if (auto const source =
+                HdSceneGlobalsSchema::GetFromSceneIndex(scene).GetTimeCodesPerSecond()) {
+            double const rate = source->GetTypedValue(0.0f);
+            return rate > 0.0 ? rate : fallback;
+        }
+    }
+#else
+    (void)index;
+#endif
+    return fallback;
+}
+
+PXR_NAMESPACE_CLOSE_SCOPE

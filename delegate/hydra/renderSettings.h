@@ -1,0 +1,53 @@
+#ifndef HDTRAPEZE_RENDER_SETTINGS_H
+#define HDTRAPEZE_RENDER_SETTINGS_H
+
+#include "settings.h"
+
+#include "pxr/imaging/hd/renderSettings.h"
+#include "pxr/pxr.h"
+
+PXR_NAMESPACE_OPEN_SCOPE
+
+class HdRenderIndex;
+
+/// A RenderSettings prim: its settings of this renderer, its products. One of them is the active
+/// one, which the host's scene globals name.
+class HdTrapezeRenderSettings final : public HdRenderSettings {
+public:
+    explicit HdTrapezeRenderSettings(SdfPath const& id) : HdRenderSettings(id) {}
+
+    void Finalize(HdRenderParam* renderParam) override;
+
+    /// Adds what the prim says, but for the effects that it switches off: products may not.
+    void Apply(HdTrapezeSettings* settings) const { _layer.Apply(settings); }
+    void DisableEffects(trz_settings* settings) const;
+
+    /// Grows with every Sync.
+    uint64_t Version() const { return _version; }
+
+private:
+    void _Sync(HdSceneDelegate* delegate, HdRenderParam* renderParam,
+               HdDirtyBits const* dirtyBits) override;
+
+    HdTrapezeSettingsLayer _layer{HdTrapezeSettingsLayer::Owner::Prim};
+    bool _disableMotionBlur = false;
+    bool _disableDepthOfField = false;
+    uint64_t _version = 0;
+};
+
+/// The settings of this renderer among a prim's namespaced ones. What cannot be gives a warning.
+HdTrapezeSettingsLayer HdTrapezeReadNamespaced(VtDictionary const& settings, SdfPath const& id,
+                                               class HdTrapezeRenderParam& param);
+
+/// The frame that the host shows; none of hosts that do not tell, and at the default time.
+bool HdTrapezeCurrentFrame(HdRenderIndex const& index, double* frame);
+
+/// Path of the active RenderSettings prim; empty for none.
+SdfPath HdTrapezeActiveSettings(HdRenderIndex const& index);
+
+/// Time codes a second of the stage, where the host tells them; else the fallback.
+double HdTrapezeStageRate(HdRenderIndex const& index, double fallback);
+
+PXR_NAMESPACE_CLOSE_SCOPE
+
+#endif

@@ -1,0 +1,135 @@
+"""Products of RenderSettings prims: files that the delegate writes itself, of hosts that want whole
+images. They hold what `hdtrapeze record` writes."""
+
+import os
+
+import numpy as np
+import pytest
+import sdk
+from hdtrapeze.cli import main
+from images import exr_header, read_exr, read_png
+from test_agreement import SCENES
+
+FILES = ("main.exr", "other.0003.exr", "stretched.exr")
+
+
+def usdrecord(host, scene, *flags):
+    """OpenUSD's own command."""
+    tool = os.environ.get("OPENUSD_USDRECORD")
+    if not tool:
+        pytest.skip("OPENUSD_USDRECORD is not set")
+    command = [sdk.python(), tool, "--disableGpu", "--renderer", "Trapeze", "--imageWidth", "96"]
+    done = host.start([*command, *flags, str(scene), "out.#.png"])
+    assert done.returncode == 0, done.stdout
+    return done.stdout
+
+
+def recorded(scene, folder, monkeypatch, *flags):
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    assert main(["record", "-q", "-w", "96", *flags, str(scene), "out.#.exr"]) == 0
+
+
+def assert_alike(ours, other):
+    """The same channels in the same types. Depths and colours may differ by the last bits, since
+    Hydra's cameras are floats; ids may have other numbers, one for one."""
+    assert sorted(ours) == sorted(other)
+    for name, values in ours.items():
+        theirs = other[name]
+        assert (values.shape, values.dtype) == (theirs.shape, theirs.dtype), name
+        if name == "id.X":
+            pairs = set(zip(values.ravel().tolist(), theirs.ravel().tolist(), strict=True))
+            assert len(pairs) == len({a for a, _ in pairs}) == len({b for _, b in pairs}) == 5
+        else:
+            difference = np.abs(values.astype(float) - theirs)
+            assert difference.max() < (1e-6 if name == "zz.Z" else 1e-2), name
+            assert (difference > 1e-4).mean() < 0.002, name
+
+
+def test_usdrecord_writes_what_record_writes(host, tmp_path, monkeypatch):
+    scene = SCENES / "products.usda"
+    flags = ["--renderSettingsPrimPath", "/Render/Settings", "--frames", "3:3"]
+    log = usdrecord(host, scene, *flags)
+    assert "Trapeze <" not in log
+    assert not (tmp_path / "out.3.png").exists(), "usdrecord did not find the products"
+    folder = tmp_path / "record"
+    recorded(scene, folder, monkeypatch, *flags)
+    for name in FILES:
+        assert_alike(read_exr(tmp_path / name), read_exr(folder / name))
+    difference = read_png(tmp_path / "picture.png") != read_png(folder / "picture.png")
+    assert difference.mean() < 0.01
+    header = exr_header(tmp_path / "other.0003.exr")
+    assert header["hdtrapeze/renderProduct"] == "/Render/Other"
+    assert header["hdtrapeze/frame"] == 3
+    theirs = exr_header(folder / "other.0003.exr")
+    for name in ("dataWindow", "displayWindow", "pixelAspectRatio"):
+        assert header[name] == theirs[name]
+
+
+RECORD = """
+    stage = Usd.Stage.Open(scene)
+    assert stage.GetSessionLayer().ImportFromString("#usda 1.0\\n" + over)
+    record(stage, "own.png", "/main_cam", 1.0, 96, ActiveRenderSettingsPrimPath="/Render/Settings")
+"""
+
+
+def product(name, file, text=""):
+    name_of_file = f'token productName = "{file}"' if file else ""
+    return f'def RenderProduct "{name}"\n{{\n{name_of_file}\n{text}\n}}\n'
+
+
+def test_what_cannot_be_gives_one_warning_and_the_rest_is_written(host, tmp_path):
+    (tmp_path / "folder.exr").mkdir()
+    products = {
+        "Deep": ("b.exr", 'token productType = "deepRaster"'),
+        "NoName": ("", ""),
+        "Jpeg": ("a.jpg", ""),
+        "Again": ("./main.exr", ""),
+        "Empty": ("e.exr", "int2 resolution = (0, 4)"),
+        "Nothing": ("f.exr", "float4 dataWindowNDC = (0.5, 0.5, 0.5, 0.6)"),
+        "Lost": ("missing/g.exr", ""),
+        "Folder": ("folder.exr", ""),
+        "Var": ("h.exr", "rel orderedVars = </Render/Bad>"),
+        "Setting": ("i.exr", 'int trapeze:samples = 0\nstring trapeze:x = "y"'),
+    }
+    if host.scene_index:  # else OpenUSD itself has an error
+        products["Camera"] = ("c.exr", "rel camera = </World>")
+    paths = ", ".join(f"</Render/{name}>" for name in ["Main", *products])
+    over = f"""
+        over "Render"
+        {{
+            over "Settings"
+            {{
+                rel products = [{paths}]
+            }}
+            def RenderVar "Bad"
+            {{
+                string sourceName = "nonsense"
+            }}
+            {"".join(product(name, *rest) for name, rest in products.items())}
+        }}
+    """
+    ran = host.run(RECORD, scene=SCENES / "products.usda", over=over)
+    empty = [path for path, text in ran.warnings if "orderedVars is empty" in text]
+    assert len(empty) == len(set(empty))
+    said = [path for path, text in ran.warnings if "orderedVars is empty" not in text]
+    expected = [*products, "Bad", "Setting"]
+    assert sorted(said) == sorted(f"/Render/{name}" for name in expected)
+    written = {path.name for path in tmp_path.iterdir() if path.suffix == ".exr"}
+    assert written == {"main.exr", "i.exr", "folder.exr"}
+    assert list(read_exr(tmp_path / "i.exr")) and not list((tmp_path / "folder.exr").iterdir())
+
+
+def test_interactive_hosts_get_no_files(host, tmp_path):
+    ran = host.run(
+        """
+        stage = Usd.Stage.Open(scene)
+        view = View(stage, "/main_cam")
+        view.engine.SetActiveRenderSettingsPrimPath("/Render/Settings")
+        view.render()
+        tell(samples=view.stats()["numCompletedSamples"])
+        """,
+        scene=SCENES / "products.usda",
+    )
+    assert ran.told == {"samples": 4}
+    assert not list(tmp_path.glob("*.exr"))
