@@ -15,20 +15,20 @@
 //! ```
 //!
 //! so it strays from its chord by at most `1/4 |A(f)^-1| |A_1 - A_0| |Q_1 - Q_0|`: nothing where the carrier does not
-//! turn. A blend of two rotations that are an angle `d` apart shrinks by no more than `cos(d/2)`; with `d` up to 45
-//! degrees ([`LEAST_COSINE`]) the inverse is no longer than [`STRETCH`].
+//! turn. A blend of two rotations that are an angle `d` apart shrinks by no more than `cos(d/2)`, so its inverse is no
+//! longer than one over that: [`Carrier::stretch`], up to 1.5 ([`LEAST_COSINE`]).
 //!
 //! **What nearly stands still.** Where every `Q_k` is within `e` of `Q_0`, `Q(f)` is within `e` times
-//! [`STRETCH`] of it, since `Q(f) - Q_0 = A(f)^-1 ((1-f) A_0 (Q_0' - Q_0) + f A_1 (Q_1' - Q_0))`.
+//! the stretch of it, since `Q(f) - Q_0 = A(f)^-1 ((1-f) A_0 (Q_0' - Q_0) + f A_1 (Q_1' - Q_0))`.
 
 use glam::{DMat3, DMat4, DQuat, DVec3, Vec3};
 
 use crate::grid::DicedMesh;
 
-/// Cosine of the largest angle between the rotations of neighbouring keys.
-const LEAST_COSINE: f64 = std::f64::consts::FRAC_1_SQRT_2;
-/// Bounds the inverse of a blend of two neighbouring rotations: `1 / cos(22.5 degrees)` and room for rounding.
-pub const STRETCH: f64 = 1.083;
+/// Cosine of the largest angle between the rotations of neighbouring keys: a little more than a quarter of a turn.
+const LEAST_COSINE: f64 = -0.11;
+/// What [`Carrier::stretch`] is larger by, for rotations that are rounded to f32.
+const STRETCH_ROOM: f64 = 1.0 + 1.0 / (1 << 16) as f64;
 
 /// A rotation and a translation at every key; see the module's text.
 #[derive(Clone, Debug)]
@@ -36,6 +36,7 @@ pub struct Carrier {
     /// Columns of the rotation, then the translation, for each key.
     maps: Vec<[Vec3; 4]>,
     turns: bool,
+    stretch: f64,
 }
 
 impl Carrier {
@@ -49,6 +50,7 @@ impl Carrier {
         let first = samples.first()?;
         let middle = mean(first);
         let mut maps: Vec<[Vec3; 4]> = Vec::with_capacity(samples.len());
+        let mut least = 1.0f64;
         for (k, points) in samples.iter().enumerate() {
             let to = mean(points);
             let turn = if turns && k > 0 {
@@ -65,7 +67,10 @@ impl Carrier {
             if let Some(before) = maps.last().filter(|_| turns) {
                 // The trace of the rotation from one to the other is 1 + 2 cos.
                 let trace: f64 = (0..3).map(|c| f64::from(before[c].dot(map[c]))).sum();
-                let near = (trace - 1.0) * 0.5 >= LEAST_COSINE;
+                let cosine = (trace - 1.0) * 0.5;
+                least = least.min(cosine);
+                // Written so that NaN is refused.
+                let near = cosine >= LEAST_COSINE;
                 if !near {
                     return None;
                 }
@@ -75,12 +80,23 @@ impl Carrier {
             }
             maps.push(map);
         }
-        Some(Carrier { maps, turns })
+        // 1 / cos(d/2).
+        let stretch = (2.0 / (1.0 + least)).sqrt() * STRETCH_ROOM;
+        Some(Carrier {
+            maps,
+            turns,
+            stretch,
+        })
     }
 
     /// True when it does more than translate.
     pub fn turns(&self) -> bool {
         self.turns
+    }
+
+    /// The inverse of no blend between two keys is longer.
+    pub fn stretch(&self) -> f64 {
+        self.stretch
     }
 
     /// Columns of the rotation, and the translation, at each key, as they are used everywhere.
@@ -119,7 +135,7 @@ impl Carrier {
         let norm2: f64 = (0..3)
             .map(|c| (self.maps[k + 1][c].as_dvec3() - self.maps[k][c].as_dvec3()).length_squared())
             .sum();
-        0.25 * STRETCH * norm2.sqrt()
+        0.25 * self.stretch * norm2.sqrt()
     }
 }
 

@@ -26,7 +26,7 @@ use std::ops::RangeInclusive;
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::carrier::{Carrier, STRETCH, sample};
+use super::carrier::{Carrier, sample};
 use super::linear::round_up;
 use super::object::{BlockTree, BvhStats, build_blocks};
 use super::{CarriedSlabs, LinearBox, LinearSlabs, U};
@@ -114,13 +114,14 @@ pub fn build(mesh: &DicedMesh) -> Option<Built> {
     let (mut radius, mut slack) = (0.0f32, 0.0f64);
     let mut stats = BvhStats::default();
     let trees = if plan.still {
-        let e = unrest(mesh, carrier?);
+        let carrier = carrier?;
+        let e = unrest(mesh, carrier);
         let first = ranges[0].0.abs().max(ranges[0].1.abs()).max_element();
         let still = e <= STILL * f64::from(first);
         if !still {
             return None;
         }
-        slack = STRETCH * e;
+        slack = carrier.stretch() * e;
         let found = build_blocks(model(mesh, None, 0..=0), false);
         (radius, stats) = (found.radius, found.stats);
         Trees::Still(found.tree)

@@ -7,18 +7,20 @@
 //! seen from `o' = A^-1 (o - d)` along `A^-1 r`. In units of `U S`, `U = 2^-24`, where `S` is the sum of `max |o_i|`, the
 //! object's radius in its own space, and the largest component of any `d`:
 //!
-//! - entries of `A`, interpolated in f32, are off by at most 2.5, the matrix by 7.5; with an inverse of at most
-//!   [`STRETCH`](crate::bvh::carrier::STRETCH) = 1.083 that one is off by 8.8. Cofactors (sums of two products of
-//!   components of rows no longer than 1) are off by 2 each, 6 together, the determinant, at least 0.85, by
-//!   5, and there is a quotient: 7.1 + 6.4 + 2.2. The sum is 24.5;
-//! - `o - d` is interpolated and subtracted: 4 an axis, 7 as a length; the product of the inverse with it, which is
-//!   sqrt(3) `S` long at most, adds 3 roundings of each term: 5.7 a unit of length. So `o'` is off by
-//!   `1.083 7 + sqrt(3) (24.5 + 5.7)` = 60;
-//! - the direction by 30.2 of its length, and over the distance to a hit, at most sqrt(3) `S` by `A^-1`, by 57;
-//! - rounded vertices and `t` ([`super::object_ray`]) are off by 29.6 in the mesh's space: 32 in carried space.
+//! - entries of `A`, interpolated in f32 over a difference of at most `w = 2 sin(d/2)`, `d` the angle between two keys, are
+//!   off by at most `2 w + 1`, the matrix by three times that; with an inverse no longer than the stretch
+//!   `s = 1 / cos(d/2)` that one is off by `3 s^2 (2 w + 1)`. Cofactors (sums of two products of components of rows no
+//!   longer than 1) are off by 2 each, 6 together, the determinant, at least `1/s^2`, by 5, and there is a quotient:
+//!   `6 s^2 + 5 s^3 + 2 s`. The product with a vector adds 3 roundings of each term: `5.2 s` a unit of its length. The
+//!   sum of all is `q`;
+//! - `o - d` is interpolated and subtracted: 6 an axis, 10.4 as a length. It is sqrt(3) `S` long at most. So `o'` is
+//!   off by `10.4 s + sqrt(3) q`;
+//! - the direction by `q` of its length, and over the distance to a hit, at most sqrt(3) `S` by `A^-1`, by
+//!   `sqrt(3) s q`;
+//! - rounded vertices and `t` ([`super::object_ray`]) are off by 29.6 in the mesh's space: `29.6 s` in carried space.
 //!
-//! The sum is 149; [`CARRY_PAD`] is 160. What is left of [`SLAB_PAD`] is in carried coordinates. What the bounds are
-//! short by comes on top ([`Relative::slack`]).
+//! The sum is `40 s + sqrt(3) (1 + s) q`, where nothing turns 40; [`carry_pad`] has room for terms of order `U^2`. What is
+//! left of [`SLAB_PAD`] is in carried coordinates. What the bounds are short by comes on top ([`Relative::slack`]).
 
 use glam::Vec3;
 use hdtrapeze_simd::{Float, Mask, Part, Simd};
@@ -34,7 +36,20 @@ use crate::bvh::{CarriedSlabs, LinearSlabs, ObjectGeometry, U};
 use crate::grid::locate_key;
 
 /// Pad of slab tests for what a carrier's rounding may do; derived in the module's text.
-const CARRY_PAD: f32 = 160.0 * U;
+fn carry_pad(carrier: &Carrier) -> f32 {
+    let s = carrier.stretch();
+    let q = if carrier.turns() {
+        let w = 2.0 * (1.0 - 1.0 / (s * s)).max(0.0).sqrt();
+        s * s * (3.0 * (2.0 * w + 1.0) + 6.0 + 5.0 * s) + (2.0 + 5.2) * s
+    } else {
+        0.0
+    };
+    let sum = 40.0 * s + 3.0f64.sqrt() * (1.0 + s) * q;
+    (sum * CARRY_ROOM) as f32 * U
+}
+
+/// What [`carry_pad`] is larger by.
+const CARRY_ROOM: f64 = 1.05;
 
 /// One ray as a tree sees it, and that tree.
 pub(super) enum Seen<'a> {
@@ -130,7 +145,7 @@ impl<S: Simd> Part<S> for RelativeMany<'_> {
                 Some(carrier) => {
                     let known = simd.all16(object.radius() + carrier.reach());
                     let reach = most(&load3(simd, &rays.origin));
-                    pad + (reach + known) * simd.all16(CARRY_PAD)
+                    pad + (reach + known) * simd.all16(carry_pad(carrier))
                 }
                 None => pad,
             };
@@ -182,7 +197,7 @@ impl<S: Simd> Part<S> for RelativeMany<'_> {
 /// What slab tests are padded by on top of [`SLAB_PAD`]; see the module's text.
 fn carried_pad(relative: &Relative, reach: f32, radius: f32) -> f32 {
     let carried = match &relative.carrier {
-        Some(carrier) => (reach + (radius + carrier.reach())) * CARRY_PAD,
+        Some(carrier) => (reach + (radius + carrier.reach())) * carry_pad(carrier),
         None => 0.0,
     };
     carried + relative.slack

@@ -217,7 +217,7 @@ proptest! {
 
     #[test]
     fn what_moves_as_a_whole_is_contained(
-        keys in keys_strategy(), seed: u64, shape in 0usize..4, angle in -1.5f32..1.5, loose in 0i32..9,
+        keys in keys_strategy(), seed: u64, shape in 0usize..4, angle in -4.0f32..4.0, loose in 0i32..9,
         far in 0i32..12, times in times_strategy()
     ) {
         // A rotation and a flight, with noise at every key from none to a good part of the whole.

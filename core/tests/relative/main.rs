@@ -57,6 +57,11 @@ fn scenes() -> Vec<(&'static str, Kind, DicedMesh)> {
             turned(curved::fan(2, 12, &uneven, 2.0), q, Vec3::ONE * 0.2),
         ),
         (
+            "fan, quarter turns",
+            Kind::Rigid,
+            curved::fan(2, 16, &keys(3), 3.1),
+        ),
+        (
             "fan, one segment",
             Kind::Rigid,
             curved::fan(2, 16, &keys(2), 0.5),
@@ -203,6 +208,7 @@ fn curves_cost_few_tests() {
         ("orbit", curved::orbit(60, 16, &keys(9), 3.0, 1)),
         ("falling", curved::falling(60, 16, &keys(9), 2)),
         ("fan", curved::fan(2, 16, &keys(9), 3.1)),
+        ("quarters", curved::fan(2, 16, &keys(3), 3.1)),
         ("debris", curved::debris(60, 16, &keys(9), 2)),
     ];
     for (name, mesh) in cases {
