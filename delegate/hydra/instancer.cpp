@@ -2,6 +2,7 @@
 
 #include "numbers.h"
 #include "primvars.h"
+#include "schema.h"
 
 #include "pxr/imaging/hd/renderIndex.h"
 #include "pxr/imaging/hd/sceneDelegate.h"
@@ -138,6 +139,45 @@ _FloatSamples _Rotations(HdTrapezeSamples<VtValue> const& samples, VtIntArray co
                          realFirst ? std::vector<int>{1, 2, 3, 0} : std::vector<int>{});
 }
 
+// Instances that are prims of their own may move though hosts give their matrices at the frame
+// alone: then those of the prims, where they are the same at the frame.
+void _AddMotion(HdSceneDelegate* delegate, SdfPath const& id, GfInterval const& shutter,
+                HdTrapezeSamples<VtValue>* matrices) {
+    static HdDataSourceLocator const topology(TfToken("instancerTopology"));
+    if (matrices->values.size() != 1 || shutter.GetSize() == 0.0 ||
+        !matrices->values[0].IsHolding<VtMatrix4dArray>()) {
+        return;
+    }
+    auto const& frame = matrices->values[0].UncheckedGet<VtMatrix4dArray>();
+    auto const prims = HdTrapezeSchema(delegate, id, topology)
+                           .Get(TfToken("instanceLocations"), VtArray<SdfPath>());
+    if (prims.size() != frame.size()) {
+        return;
+    }
+    std::vector<HdTrapezeSamples<GfMatrix4d>> tracks;
+    std::set<double> times;
+    for (size_t i = 0; i < prims.size(); ++i) {
+        if (!GfIsClose(delegate->GetTransform(prims[i]), frame[i], 1e-6)) {
+            return;
+        }
+        tracks.push_back(HdTrapezeSampleTransform(delegate, prims[i], shutter));
+        times.insert(tracks[i].times.begin(), tracks[i].times.end());
+    }
+    if (times.size() < 2) {
+        return;
+    }
+    HdTrapezeSamples<VtValue> moving;
+    for (double time : times) {
+        VtMatrix4dArray values(frame.size());
+        for (size_t i = 0; i < frame.size(); ++i) {
+            values[i] = HdTrapezeAt(tracks[i], time, frame[i]);
+        }
+        moving.times.push_back(time);
+        moving.values.emplace_back(std::move(values));
+    }
+    *matrices = std::move(moving);
+}
+
 bool _IsBuiltin(TfToken const& name) {
     TfTokenVector const& names = HdInstancer::GetBuiltinPrimvarNames();
     return std::find(names.begin(), names.end(), name) != names.end() ||
@@ -197,6 +237,10 @@ void HdTrapezeInstancer::Sync(HdSceneDelegate* delegate, HdRenderParam* renderPa
                 _primvars[primvar.name] = {
                     HdTrapezeSamplePrimvar(delegate, id, primvar.name, shutter), primvar.role};
             }
+        }
+        auto const matrices = _primvars.find(HdInstancerTokens->instanceTransforms);
+        if (matrices != _primvars.end()) {
+            _AddMotion(delegate, id, shutter, &matrices->second.samples);
         }
         for (auto& [instances, group] : _groups) {
             group.hasValues = false;

@@ -121,7 +121,7 @@ void HdTrapezePrim::Finalize(HdRprim const& rprim, HdTrapezeRenderParam& param) 
 }
 
 void HdTrapezePrim::Include(SdfPath const& id, bool included, HdTrapezeRenderParam& param) {
-    bool const shown = included && _visible;
+    bool const shown = included && _visible && !_lost;
     if (shown != _shown) {
         _shown = shown;
         param.Edit(trz_prim_set_visible(param.Session(), _id, shown), id);
@@ -207,12 +207,17 @@ void HdTrapezePrim::_SyncInstancer(HdRprim const& rprim, HdSceneDelegate* delega
         }
         _instancer = now;
     }
-    if (now.IsEmpty()) {
-        return;
-    }
-    if (HdTrapezeInstancer* instancer = param.FindInstancer(now)) {
+    HdTrapezeInstancer* const instancer = param.FindInstancer(now);
+    if (instancer) {
         instancer->SetPrimPart(id, _id, delegate->GetInstanceIndices(now, id));
     }
+    bool const lost = !now.IsEmpty() && !instancer;
+    if (lost && !_lost) {
+        TF_WARN("Trapeze <%s>: its instancer <%s> is not there; it has no instances", id.GetText(),
+                now.GetText());
+    }
+    _lost = lost;
+    param.MarkVisibilityDirty();
 }
 
 PXR_NAMESPACE_CLOSE_SCOPE

@@ -59,6 +59,8 @@ private:
     int _refineLevel = 0;
     double _reach = 1.0;
     bool _visible = true;
+    // Its instancer is not there.
+    bool _lost = false;
     bool _shown = true;
 };
 

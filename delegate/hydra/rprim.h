@@ -41,7 +41,10 @@ public:
         HdDirtyBits const bits = *dirtyBits;
         this->_UpdateVisibility(delegate, dirtyBits);
         this->_UpdateInstancer(delegate, dirtyBits);
-        HdInstancer::_SyncInstancerAndParents(delegate->GetRenderIndex(), this->GetInstancerId());
+        HdRenderIndex& index = delegate->GetRenderIndex();
+        if (index.GetInstancer(this->GetInstancerId())) {
+            HdInstancer::_SyncInstancerAndParents(index, this->GetInstancerId());
+        }
         bool const created = _prim.Id() == 0;
         if (_prim.Sync(*this, delegate, param, bits)) {
             _SyncShape(_prim, delegate, param,

@@ -1,5 +1,8 @@
 #include "samples.h"
 
+#include "pxr/base/gf/matrix3f.h"
+#include "pxr/base/gf/matrix4f.h"
+#include "pxr/base/vt/array.h"
 #include "pxr/imaging/hd/extComputationUtils.h"
 #include "pxr/imaging/hd/version.h"
 
@@ -19,8 +22,30 @@ template <class F> void _Within(GfInterval const& shutter, F&& f) {
 
 // Samples that are held without taking memory from the heap; there may be more.
 constexpr unsigned int _capacity = 8;
-// More samples than this of one computation are thinned out.
+// More samples than this of one computation are left out.
 constexpr size_t _mostComputed = 32;
+
+using _Times = std::vector<float>;
+
+// Computations are evaluated at the times of all inputs together, where inputs are interpolated;
+// but those of matrices of floats, such as a skeleton's, are held. Adds the times of these, of the
+// computation and those that it depends on.
+void _AddHeldTimes(HdSceneDelegate* delegate, SdfPath const& computation, GfInterval const& shutter,
+                   std::vector<_Times>* all) {
+    for (TfToken const& input : delegate->GetExtComputationSceneInputNames(computation)) {
+        HdTimeSampleArray<VtValue, _capacity> samples;
+        _Within(shutter, [&](auto... interval) {
+            delegate->SampleExtComputationInput(computation, input, interval..., &samples);
+        });
+        if (samples.count > 1 && (samples.values[0].IsHolding<VtArray<GfMatrix4f>>() ||
+                                  samples.values[0].IsHolding<VtArray<GfMatrix3f>>())) {
+            all->emplace_back(samples.times.begin(), samples.times.begin() + samples.count);
+        }
+    }
+    for (auto const& input : delegate->GetExtComputationInputDescriptors(computation)) {
+        _AddHeldTimes(delegate, input.sourceComputationId, shutter, all);
+    }
+}
 } // namespace
 
 HdTrapezeSamples<GfMatrix4d> HdTrapezeSampleTransform(HdSceneDelegate* delegate, SdfPath const& id,
@@ -62,7 +87,23 @@ HdTrapezeSampleComputed(HdSceneDelegate* delegate,
     if (found == store.end()) {
         return {};
     }
-    return HdTrapezeSorted(found->second, [&] { return found->second.values[0]; });
+    auto const sorted = HdTrapezeSorted(found->second, [&] { return found->second.values[0]; });
+    if (sorted.times.size() < 2) {
+        return sorted;
+    }
+    std::vector<_Times> held;
+    _AddHeldTimes(delegate, descriptor.sourceComputationId, shutter, &held);
+    HdTrapezeSamples<VtValue> samples;
+    for (size_t i = 0; i < sorted.times.size(); ++i) {
+        auto const has = [&](_Times const& times) {
+            return std::count(times.begin(), times.end(), static_cast<float>(sorted.times[i])) > 0;
+        };
+        if (std::all_of(held.begin(), held.end(), has)) {
+            samples.times.push_back(sorted.times[i]);
+            samples.values.push_back(sorted.values[i]);
+        }
+    }
+    return samples.times.empty() ? sorted : samples;
 }
 
 PXR_NAMESPACE_CLOSE_SCOPE

@@ -46,7 +46,8 @@ HdTrapezeSamples<T> HdTrapezeSorted(HdTimeSampleArray<T, Capacity> const& given,
 }
 
 /// The value at a time, linear between samples and held outside; `fallback` where there are none.
-inline double HdTrapezeAt(HdTrapezeSamples<double> const& samples, double time, double fallback) {
+template <class T>
+T HdTrapezeAt(HdTrapezeSamples<T> const& samples, double time, T const& fallback) {
     auto const& times = samples.times;
     if (times.empty()) {
         return fallback;
@@ -55,8 +56,9 @@ inline double HdTrapezeAt(HdTrapezeSamples<double> const& samples, double time, 
     if (after == 0 || after == times.size()) {
         return after == 0 ? samples.values.front() : samples.values.back();
     }
+    T const& before = samples.values[after - 1];
     double const part = (time - times[after - 1]) / (times[after] - times[after - 1]);
-    return samples.values[after - 1] + part * (samples.values[after] - samples.values[after - 1]);
+    return before + part * (samples.values[after] - before);
 }
 
 /// The transform of a prim, to the space of its instancer's prototype or to the world.
