@@ -161,9 +161,11 @@ void _AddMotion(HdSceneDelegate* delegate, SdfPath const& id, GfInterval const& 
             return;
         }
         tracks.push_back(HdTrapezeSampleTransform(delegate, prims[i], shutter));
-        times.insert(tracks[i].times.begin(), tracks[i].times.end());
+        if (tracks[i].times.size() > 1) {
+            times.insert(tracks[i].times.begin(), tracks[i].times.end());
+        }
     }
-    if (times.size() < 2) {
+    if (times.empty()) {
         return;
     }
     HdTrapezeSamples<VtValue> moving;
