@@ -63,9 +63,10 @@ void HdTrapezeBasisCurves::_SyncShape(HdTrapezePrim const& prim, HdSceneDelegate
         counts.assign(points / 2, 2);
     }
     if (topology.HasIndices()) {
-        TF_WARN(
-            "Trapeze <%s>: indices of curves are not supported; points are taken in their order",
-            id.GetText());
+        TF_WARN("Trapeze <%s>: curves with indices, such as the bounds that stand for a model, are "
+                "not supported; they are left out",
+                id.GetText());
+        counts.clear();
     }
     trz_curves desc = {};
     desc.struct_size = sizeof(desc);

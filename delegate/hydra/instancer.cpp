@@ -180,6 +180,23 @@ void _AddMotion(HdSceneDelegate* delegate, SdfPath const& id, GfInterval const& 
     *matrices = std::move(moving);
 }
 
+// Of arrays whose lengths change, the one at the frame or before it alone: it cannot be told which
+// instance is which. True where there were more.
+bool _KeepOne(HdTrapezeSamples<VtValue>* samples) {
+    auto const length = [](VtValue const& value) { return value.GetArraySize(); };
+    auto const& values = samples->values;
+    if (std::all_of(values.begin(), values.end(),
+                    [&](VtValue const& value) { return length(value) == length(values[0]); })) {
+        return false;
+    }
+    size_t i = samples->times.size() - 1;
+    while (i > 0 && samples->times[i] > 0.0) {
+        --i;
+    }
+    *samples = {{samples->times[i]}, {samples->values[i]}};
+    return true;
+}
+
 bool _IsBuiltin(TfToken const& name) {
     TfTokenVector const& names = HdInstancer::GetBuiltinPrimvarNames();
     return std::find(names.begin(), names.end(), name) != names.end() ||
@@ -233,12 +250,23 @@ void HdTrapezeInstancer::Sync(HdSceneDelegate* delegate, HdRenderParam* renderPa
     if (created || (bits & HdChangeTracker::DirtyPrimvar)) {
         std::set<TfToken> const wanted = param.WantedPrimvars();
         _primvars.clear();
+        _motion = HdTrapezeMotion(id, delegate);
         for (auto const& primvar : delegate->GetPrimvarDescriptors(id, HdInterpolationInstance)) {
             if (_IsBuiltin(primvar.name) || HdTrapezePrimvars::IsNeeded(primvar.name) ||
                 wanted.count(primvar.name)) {
                 _primvars[primvar.name] = {
                     HdTrapezeSamplePrimvar(delegate, id, primvar.name, shutter), primvar.role};
             }
+        }
+        bool changes = false;
+        for (auto& [name, primvar] : _primvars) {
+            changes |= _KeepOne(&primvar.samples);
+        }
+        if (changes && !_warned && !_primvars.count(HdTokens->velocities)) {
+            _warned = true;
+            TF_WARN("Trapeze <%s>: the number of instances changes around the shutter; they do not "
+                    "move",
+                    id.GetText());
         }
         auto const matrices = _primvars.find(HdInstancerTokens->instanceTransforms);
         if (matrices != _primvars.end()) {
@@ -333,6 +361,9 @@ void HdTrapezeInstancer::CommitGroups(HdTrapezeRenderParam& param) {
         }
         if (!group.hasValues) {
             group.hasValues = true;
+            param.Edit(trz_prim_set_motion(param.Session(), group.id, _motion.blurScale,
+                                           _motion.sampleCount),
+                       id);
             _SetValues(group.id, instances, param);
         }
     }

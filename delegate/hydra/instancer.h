@@ -2,6 +2,7 @@
 #define HDTRAPEZE_INSTANCER_H
 
 #include "hdtrapeze.h"
+#include "prim.h"
 #include "renderParam.h"
 #include "samples.h"
 
@@ -71,8 +72,11 @@ private:
 
     HdTrapezeSamples<GfMatrix4d> _transform;
     std::map<TfToken, _Primvar> _primvars;
+    HdTrapezeMotion _motion;
     bool _visible = true;
     bool _created = false;
+    // That the number of instances changes.
+    bool _warned = false;
 
     std::mutex _mutex;
     std::map<SdfPath, _Part> _parts;

@@ -57,6 +57,23 @@ bool _FindComputed(HdSceneDelegate* delegate, SdfPath const& id, TfToken const& 
 
 } // namespace
 
+HdTrapezeMotion::HdTrapezeMotion(SdfPath const& id, HdSceneDelegate* delegate) {
+    VtValue const blur = delegate->Get(id, HdTokens->blurScale);
+    if (blur.IsHolding<float>()) {
+        blurScale = blur.UncheckedGet<float>();
+    } else if (blur.IsHolding<double>()) {
+        blurScale = blur.UncheckedGet<double>();
+    }
+    // Some hosts have USD's fallback, 3, where nothing is authored; as many as needed are better.
+    auto const constants = delegate->GetPrimvarDescriptors(id, HdInterpolationConstant);
+    bool const listed =
+        std::any_of(constants.begin(), constants.end(), [](HdPrimvarDescriptor const& primvar) {
+            return primvar.name == HdTokens->nonlinearSampleCount;
+        });
+    int const given = delegate->Get(id, HdTokens->nonlinearSampleCount).GetWithDefault<int>(0);
+    sampleCount = given <= 0 || (given == 3 && !listed) ? 0 : static_cast<uint32_t>(given);
+}
+
 bool HdTrapezePrim::Sync(HdRprim const& rprim, HdSceneDelegate* delegate,
                          HdTrapezeRenderParam& param, HdDirtyBits bits) {
     SdfPath const& id = rprim.GetId();
@@ -142,25 +159,10 @@ void HdTrapezePrim::_SyncTransform(SdfPath const& id, HdSceneDelegate* delegate,
 
 void HdTrapezePrim::_SyncMotion(SdfPath const& id, HdSceneDelegate* delegate,
                                 HdTrapezeRenderParam& param) {
-    double scale = 1.0;
-    VtValue const blur = delegate->Get(id, HdTokens->blurScale);
-    if (blur.IsHolding<float>()) {
-        scale = blur.UncheckedGet<float>();
-    } else if (blur.IsHolding<double>()) {
-        scale = blur.UncheckedGet<double>();
-    }
-    // Some hosts have USD's fallback, 3, where nothing is authored; as many as needed are better.
-    auto const constants = delegate->GetPrimvarDescriptors(id, HdInterpolationConstant);
-    bool const listed =
-        std::any_of(constants.begin(), constants.end(), [](HdPrimvarDescriptor const& primvar) {
-            return primvar.name == HdTokens->nonlinearSampleCount;
-        });
-    int const given = delegate->Get(id, HdTokens->nonlinearSampleCount).GetWithDefault<int>(0);
-    int const count = given == 3 && !listed ? 0 : given;
+    HdTrapezeMotion const motion(id, delegate);
     // Samples are needed around the scaled shutter, too.
-    _reach = scale > 1.0 ? scale : 1.0;
-    uint32_t const keys = count > 0 ? static_cast<uint32_t>(count) : 0;
-    param.Edit(trz_prim_set_motion(param.Session(), _id, scale, keys), id);
+    _reach = motion.blurScale > 1.0 ? motion.blurScale : 1.0;
+    param.Edit(trz_prim_set_motion(param.Session(), _id, motion.blurScale, motion.sampleCount), id);
 }
 
 void HdTrapezePrim::_SyncPoints(SdfPath const& id, HdSceneDelegate* delegate,

@@ -10,6 +10,16 @@
 
 PXR_NAMESPACE_OPEN_SCOPE
 
+/// How the motion of a prim or an instancer is blurred.
+struct HdTrapezeMotion {
+    double blurScale = 1.0;
+    /// Positions over the shutter where accelerations bend a path; 0: as many as needed.
+    uint32_t sampleCount = 0;
+
+    HdTrapezeMotion() = default;
+    HdTrapezeMotion(SdfPath const& id, HdSceneDelegate* delegate);
+};
+
 /// A geometry prim of the session, and what all kinds of Rprims have in common: place, motion,
 /// points, primvars, instancing, visibility.
 class HdTrapezePrim final {
