@@ -103,18 +103,18 @@ void HdTrapezeCamera::Sync(HdSceneDelegate* delegate, HdRenderParam* renderParam
         return;
     }
     bool const created = _id == 0;
-    if (created && !param.Edit(trz_camera_create(param.Session(), id.GetText(), &_id), id)) {
+    if (created && !param.EditCamera(trz_camera_create(param.Session(), id.GetText(), &_id), id)) {
         return;
     }
-    HdChangeTracker& tracker = delegate->GetRenderIndex().GetChangeTracker();
     double const open = GetShutterOpen();
     double const close = GetShutterClose();
     if (created || (bits & DirtyParams)) {
         GfInterval const shutter = open <= close ? GfInterval(open, close) : GfInterval(open, open);
         param.SetShutterOf(this, shutter);
-        param.SampleShutter(tracker);
+        param.SampleShutter(delegate->GetRenderIndex());
     }
     if (created || (bits & (DirtyTransform | DirtyParams))) {
+        _sampled = param.Shutter();
         auto const samples = HdTrapezeSampleTransform(delegate, id, param.Shutter());
         trz_transform_samples const level = {
             samples.times.data(),
@@ -122,7 +122,7 @@ void HdTrapezeCamera::Sync(HdSceneDelegate* delegate, HdRenderParam* renderParam
             samples.values.size(),
         };
         size_t const levels = samples.values.empty() ? 0 : 1;
-        param.Edit(trz_prim_set_transform(param.Session(), _id, &level, levels), id);
+        param.EditCamera(trz_prim_set_transform(param.Session(), _id, &level, levels), id);
     }
     if (created || (bits & (DirtyParams | DirtyClipPlanes))) {
         trz_camera desc = {};
@@ -151,7 +151,7 @@ void HdTrapezeCamera::Sync(HdSceneDelegate* delegate, HdRenderParam* renderParam
         auto const lens = _LensSamples(delegate, id, desc, param.Shutter());
         desc.lens_samples = lens.data();
         desc.lens_sample_count = lens.size();
-        param.Edit(trz_camera_set(param.Session(), _id, &desc), id);
+        param.EditCamera(trz_camera_set(param.Session(), _id, &desc), id);
     }
 }
 
@@ -159,7 +159,7 @@ void HdTrapezeCamera::Finalize(HdRenderParam* renderParam) {
     auto& param = *static_cast<HdTrapezeRenderParam*>(renderParam);
     param.SetShutterOf(this, GfInterval());
     if (_id != 0) {
-        param.Edit(trz_prim_remove(param.Session(), _id), GetId());
+        param.EditCamera(trz_prim_remove(param.Session(), _id), GetId());
         _id = 0;
     }
     HdCamera::Finalize(renderParam);

@@ -3,6 +3,7 @@
 
 #include "hdtrapeze.h"
 
+#include "pxr/base/gf/interval.h"
 #include "pxr/imaging/hd/camera.h"
 #include "pxr/pxr.h"
 
@@ -20,8 +21,12 @@ public:
     /// The session's camera; 0 before the first Sync.
     trz_id Id() const { return _id; }
 
+    /// What its motion was sampled for.
+    GfInterval const& Sampled() const { return _sampled; }
+
 private:
     trz_id _id = 0;
+    GfInterval _sampled;
 };
 
 PXR_NAMESPACE_CLOSE_SCOPE

@@ -3,9 +3,16 @@
 #include "instancer.h"
 
 #include "pxr/base/tf/diagnostic.h"
+#include "pxr/imaging/hd/camera.h"
+#include "pxr/imaging/hd/cameraSchema.h"
+#include "pxr/imaging/hd/extComputationPrimvarsSchema.h"
+#include "pxr/imaging/hd/primvarsSchema.h"
 #include "pxr/imaging/hd/renderIndex.h"
+#include "pxr/imaging/hd/sceneDelegate.h"
 #include "pxr/imaging/hd/sceneIndex.h"
+#include "pxr/imaging/hd/sceneIndexObserver.h"
 #include "pxr/imaging/hd/tokens.h"
+#include "pxr/imaging/hd/xformSchema.h"
 
 PXR_NAMESPACE_OPEN_SCOPE
 
@@ -49,6 +56,11 @@ bool HdTrapezeRenderParam::Edit(trz_result result, SdfPath const& id) {
     return done;
 }
 
+bool HdTrapezeRenderParam::EditCamera(trz_result result, SdfPath const& id) {
+    _cameraEdits += result == TRZ_OK;
+    return Edit(result, id);
+}
+
 bool HdTrapezeRenderParam::Check(trz_result result, SdfPath const& id) const {
     if (result != TRZ_OK) {
         Warn(id, std::string(trz_last_error()) + " (" + trz_result_name(result) + ")");
@@ -88,90 +100,117 @@ void HdTrapezeRenderParam::SetShutterOf(void const* owner, GfInterval const& shu
     }
 }
 
-bool HdTrapezeRenderParam::SampleShutter(HdChangeTracker& tracker) {
-    std::lock_guard<std::mutex> lock(_mutex);
-    GfInterval shutter(0.0, 0.0);
-    for (auto const& [owner, interval] : _shutters) {
-        shutter |= interval;
+bool HdTrapezeRenderParam::SampleShutter(HdRenderIndex& index) {
+    {
+        std::lock_guard<std::mutex> lock(_mutex);
+        GfInterval shutter(0.0, 0.0);
+        for (auto const& [owner, interval] : _shutters) {
+            shutter |= interval;
+        }
+        if (_shutter.Contains(shutter)) {
+            return false;
+        }
+        _shutter = shutter;
     }
-    if (_shutter.Contains(shutter)) {
-        return false;
-    }
-    _shutter = shutter;
-    _MarkMotionDirty(tracker);
-    return true;
+    return MarkMotionDirty(index, Source::SceneIndices);
 }
 
 namespace {
 
-HdDirtyBits const _primMotion =
-    HdChangeTracker::DirtyTransform | HdChangeTracker::DirtyPoints | HdChangeTracker::DirtyPrimvar;
-HdDirtyBits const _instancerMotion =
-    HdChangeTracker::DirtyTransform | HdChangeTracker::DirtyPrimvar;
+// Whether a prim is of a scene delegate, and not of a scene index.
+bool _IsOfDelegate(HdSceneIndexBaseRefPtr const& scene, SdfPath const& id) {
+    HdContainerDataSourceHandle const source =
+        scene ? scene->GetPrim(id).dataSource : HdContainerDataSourceHandle();
+    return !source || source->Get(HdSceneIndexEmulationTokens->sceneDelegate);
+}
 
 } // namespace
 
-// With the mutex held.
-void HdTrapezeRenderParam::_MarkMotionDirty(HdChangeTracker& tracker) const {
-    for (auto const& [id, prim] : _prims) {
-        tracker.MarkRprimDirty(id, _primMotion);
-    }
-    for (auto const& [id, instancer] : _instancers) {
-        tracker.MarkInstancerDirty(id, _instancerMotion);
-    }
-}
-
-bool HdTrapezeRenderParam::MarkMotionDirty(HdRenderIndex& index, bool onlyOldHosts) const {
-    // Prims of scene delegates are told by what their scene index says.
+// Change trackers take marks for prims of scene delegates only. For those of scene indices it is
+// their observer that is told, which hands them on to the render index.
+bool HdTrapezeRenderParam::_MarkDirty(HdRenderIndex& index, HdDirtyBits bits, Source source) const {
     HdSceneIndexBaseRefPtr const scene = index.GetTerminalSceneIndex();
-    auto const isMarked = [&](SdfPath const& id) {
-        if (!onlyOldHosts || !scene) {
-            return true;
-        }
-        HdContainerDataSourceHandle const source = scene->GetPrim(id).dataSource;
-        return source && source->Get(HdSceneIndexEmulationTokens->sceneDelegate);
-    };
     HdChangeTracker& tracker = index.GetChangeTracker();
-    std::lock_guard<std::mutex> lock(_mutex);
+    HdDataSourceLocatorSet const locators = {
+        HdXformSchema::GetDefaultLocator(),
+        HdPrimvarsSchema::GetDefaultLocator(),
+        HdExtComputationPrimvarsSchema::GetDefaultLocator(),
+    };
+    HdSceneIndexObserver::DirtiedPrimEntries entries;
     bool any = false;
-    for (auto const& [id, prim] : _prims) {
-        if (isMarked(id)) {
-            tracker.MarkRprimDirty(id, _primMotion);
-            any = true;
+    auto const mark = [&](SdfPath const& id, auto&& markOfDelegate) {
+        bool const isOfDelegate = _IsOfDelegate(scene, id);
+        if (source == (isOfDelegate ? Source::SceneIndices : Source::Delegates)) {
+            return;
         }
+        any = true;
+        if (isOfDelegate) {
+            markOfDelegate();
+        } else {
+            entries.emplace_back(id, locators);
+        }
+    };
+    std::lock_guard<std::mutex> lock(_mutex);
+    for (auto const& [id, prim] : _prims) {
+        mark(id, [&, id = id] { tracker.MarkRprimDirty(id, bits); });
     }
     for (auto const& [id, instancer] : _instancers) {
-        if (isMarked(id)) {
-            tracker.MarkInstancerDirty(id, _instancerMotion);
-            any = true;
+        mark(id, [&, id = id] { tracker.MarkInstancerDirty(id, bits); });
+    }
+    if (!entries.empty()) {
+        HdSceneDelegate* const delegate = index.GetSceneDelegateForRprim(entries.front().primPath);
+        if (auto* const observer = dynamic_cast<HdSceneIndexObserver*>(delegate)) {
+            observer->PrimsDirtied(*scene, entries);
         }
     }
     return any;
 }
 
-bool HdTrapezeRenderParam::SetTimeCodesPerSecond(double rate, HdChangeTracker& tracker) {
+bool HdTrapezeRenderParam::HasDelegates(HdRenderIndex const& index) const {
+    std::lock_guard<std::mutex> lock(_mutex);
+    return !_prims.empty() && _IsOfDelegate(index.GetTerminalSceneIndex(), _prims.begin()->first);
+}
+
+void HdTrapezeRenderParam::MarkCameraDirty(HdRenderIndex& index, SdfPath const& id) const {
+    HdSceneIndexBaseRefPtr const scene = index.GetTerminalSceneIndex();
+    if (_IsOfDelegate(scene, id)) {
+        index.GetChangeTracker().MarkSprimDirty(id,
+                                                HdCamera::DirtyTransform | HdCamera::DirtyParams);
+        return;
+    }
+    std::lock_guard<std::mutex> lock(_mutex);
+    HdSceneDelegate* const delegate =
+        _prims.empty() ? nullptr : index.GetSceneDelegateForRprim(_prims.begin()->first);
+    if (auto* const observer = dynamic_cast<HdSceneIndexObserver*>(delegate)) {
+        observer->PrimsDirtied(
+            *scene,
+            {{id, {HdXformSchema::GetDefaultLocator(), HdCameraSchema::GetDefaultLocator()}}});
+    }
+}
+
+bool HdTrapezeRenderParam::MarkMotionDirty(HdRenderIndex& index, Source source) const {
+    HdDirtyBits const bits = HdChangeTracker::DirtyTransform | HdChangeTracker::DirtyPoints |
+                             HdChangeTracker::DirtyPrimvar;
+    return _MarkDirty(index, bits, source);
+}
+
+bool HdTrapezeRenderParam::SetTimeCodesPerSecond(double rate, HdRenderIndex& index) {
     if (!(rate > 0.0) || _timeCodesPerSecond.exchange(rate) == rate) {
         return false;
     }
-    std::lock_guard<std::mutex> lock(_mutex);
-    _MarkMotionDirty(tracker);
-    return true;
+    return MarkMotionDirty(index, Source::All);
 }
 
-bool HdTrapezeRenderParam::WantPrimvars(std::set<TfToken> const& names, HdChangeTracker& tracker) {
-    std::lock_guard<std::mutex> lock(_mutex);
-    size_t const before = _wanted.size();
-    _wanted.insert(names.begin(), names.end());
-    if (_wanted.size() == before) {
-        return false;
+bool HdTrapezeRenderParam::WantPrimvars(std::set<TfToken> const& names, HdRenderIndex& index) {
+    {
+        std::lock_guard<std::mutex> lock(_mutex);
+        size_t const before = _wanted.size();
+        _wanted.insert(names.begin(), names.end());
+        if (_wanted.size() == before) {
+            return false;
+        }
     }
-    for (auto const& [id, prim] : _prims) {
-        tracker.MarkRprimDirty(id, HdChangeTracker::DirtyPrimvar);
-    }
-    for (auto const& [id, instancer] : _instancers) {
-        tracker.MarkInstancerDirty(id, HdChangeTracker::DirtyPrimvar);
-    }
-    return true;
+    return _MarkDirty(index, HdChangeTracker::DirtyPrimvar, Source::All);
 }
 
 std::set<TfToken> HdTrapezeRenderParam::WantedPrimvars() const {

@@ -51,6 +51,10 @@ public:
     /// Edits so far: where it has grown, there is something to render anew.
     uint64_t Edits() const { return _edits; }
 
+    /// Edit for cameras, and how many edits were of other prims.
+    bool EditCamera(trz_result result, SdfPath const& id);
+    uint64_t PrimEdits() const { return _edits - _cameraEdits; }
+
     // Motion -------------------------------------------------------------------------------------
 
     /// The interval that motion is sampled for, time codes relative to the frame. It holds 0, since
@@ -61,23 +65,32 @@ public:
     /// none. SampleShutter makes it count.
     void SetShutterOf(void const* owner, GfInterval const& shutter);
 
-    /// Marks what moves where more is to be sampled than was; true then. Not from Rprims' Sync. A
-    /// smaller interval waits until something else is sampled anew.
-    bool SampleShutter(HdChangeTracker& tracker);
+    /// Marks what moves where more is to be sampled than was and the host heeds it; true then. Not
+    /// from Rprims' Sync. A smaller interval waits until something else is sampled anew.
+    bool SampleShutter(HdRenderIndex& index);
 
-    /// Has everything that may move synced again; with `onlyOldHosts` only those prims whose
-    /// samples are of a shutter that the host alone chooses. True where there is any.
-    bool MarkMotionDirty(HdRenderIndex& index, bool onlyOldHosts) const;
+    /// Which prims: those of scene delegates, whose samples are of a shutter that the host alone
+    /// chooses; those of scene indices; or all.
+    enum class Source { Delegates, SceneIndices, All };
+
+    /// Has what may move synced again. True where there is any.
+    bool MarkMotionDirty(HdRenderIndex& index, Source source) const;
+
+    /// Whether there are prims of scene delegates.
+    bool HasDelegates(HdRenderIndex const& index) const;
+
+    /// Has a camera synced again.
+    void MarkCameraDirty(HdRenderIndex& index, SdfPath const& id) const;
 
     /// Time codes a second, which velocities are resolved with. True where it changed.
     double TimeCodesPerSecond() const { return _timeCodesPerSecond; }
-    bool SetTimeCodesPerSecond(double rate, HdChangeTracker& tracker);
+    bool SetTimeCodesPerSecond(double rate, HdRenderIndex& index);
 
     // Primvars -----------------------------------------------------------------------------------
 
     /// Primvars that AOVs show, beside those that shading needs. Marks prims where it grows; true
     /// then.
-    bool WantPrimvars(std::set<TfToken> const& names, HdChangeTracker& tracker);
+    bool WantPrimvars(std::set<TfToken> const& names, HdRenderIndex& index);
     std::set<TfToken> WantedPrimvars() const;
 
     // Prims --------------------------------------------------------------------------------------
@@ -115,10 +128,11 @@ public:
     bool HasLights() const { return _lights > 0; }
 
 private:
-    void _MarkMotionDirty(HdChangeTracker& tracker) const;
+    bool _MarkDirty(HdRenderIndex& index, HdDirtyBits bits, Source source) const;
 
     trz_session* _session = nullptr;
     std::atomic<uint64_t> _edits{0};
+    std::atomic<uint64_t> _cameraEdits{0};
     std::atomic<uint64_t> _visibilityVersion{0};
     std::atomic<int> _lights{0};
     std::atomic<double> _timeCodesPerSecond{24.0};

@@ -118,29 +118,41 @@ bool HdTrapezeRenderPass::_SampleMotion() {
     HdTrapezeSettings settings;
     _delegate->Settings().Apply(&settings);
     double const rate = HdTrapezeStageRate(index, settings.timeCodesPerSecond);
-    bool const sampled = param.SampleShutter(index.GetChangeTracker());
-    return param.SetTimeCodesPerSecond(rate, index.GetChangeTracker()) || sampled;
+    bool const sampled = param.SampleShutter(index);
+    return param.SetTimeCodesPerSecond(rate, index) || sampled;
 }
 
 // Older hosts sample motion for the shutter of one camera of their choice, which is the one that
 // renders when prims are synced. True where samples lack some of its shutter.
-bool HdTrapezeRenderPass::_LacksSamples(HdCamera const& camera) {
+bool HdTrapezeRenderPass::_LacksSamples(HdTrapezeCamera const& camera) {
     HdRenderIndex& index = *GetRenderIndex();
+    if (!camera.Sampled().Contains(_delegate->Settings().Shutter())) {
+        _delegate->Param().MarkCameraDirty(index, camera.GetId());
+        return true;
+    }
     GfInterval const shutter(camera.GetShutterOpen(),
                              std::max(camera.GetShutterOpen(), camera.GetShutterClose()));
-    unsigned const version = index.GetChangeTracker().GetSceneStateVersion();
+    if (!shutter.Contains(_delegate->Settings().Shutter()) &&
+        _delegate->Param().HasDelegates(index)) {
+        _delegate->Param().WarnOnce(
+            SdfPath(),
+            "this host samples motion for its camera's shutter alone: with another shutter, "
+            "what moves stands still outside of it");
+    }
+    uint64_t const edits = _delegate->Param().PrimEdits();
     if (_sampled.IsEmpty()) {
         _sampled = shutter;
     }
     bool const lacks = !_sampled.Contains(shutter);
     if (lacks) {
         _sampled = shutter;
-    } else if (version != _sceneVersion) {
+    } else if (edits != _sampledEdits) {
         // What was synced since has samples of this one.
         _sampled &= shutter;
     }
-    _sceneVersion = version;
-    return lacks && _delegate->Param().MarkMotionDirty(index, true);
+    _sampledEdits = edits;
+    return lacks &&
+           _delegate->Param().MarkMotionDirty(index, HdTrapezeRenderParam::Source::Delegates);
 }
 
 // The view of the host's own image; false where there is nothing to render.
@@ -220,7 +232,7 @@ void HdTrapezeRenderPass::_Start() {
 void HdTrapezeRenderPass::_Execute(HdRenderPassStateSharedPtr const& state,
                                    TfTokenVector const& tags) {
     HdTrapezeRenderParam& param = _delegate->Param();
-    HdCamera const* const camera = state->GetCamera();
+    auto const* const camera = static_cast<HdTrapezeCamera const*>(state->GetCamera());
     if (!_delegate->Loop() || !camera || state->GetAovBindings().empty()) {
         return;
     }
@@ -247,7 +259,7 @@ void HdTrapezeRenderPass::_Execute(HdRenderPassStateSharedPtr const& state,
         }
     }
     // Only here is it known what renders. What has to be synced for it again is at the next call.
-    bool const wants = param.WantPrimvars(primvars, index.GetChangeTracker());
+    bool const wants = param.WantPrimvars(primvars, index);
     bool const samples = _SampleMotion();
     _resyncing = _LacksSamples(*camera) || wants || samples;
     if (_resyncing || !changed) {

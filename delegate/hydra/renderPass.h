@@ -12,7 +12,7 @@
 
 PXR_NAMESPACE_OPEN_SCOPE
 
-class HdCamera;
+class HdTrapezeCamera;
 class HdTrapezeRenderDelegate;
 class HdTrapezeRenderSettings;
 
@@ -46,7 +46,7 @@ private:
 
     void _Include(TfTokenVector const& tags);
     bool _SampleMotion();
-    bool _LacksSamples(HdCamera const& camera);
+    bool _LacksSamples(HdTrapezeCamera const& camera);
     bool _MakeView(HdRenderPassState const& state, HdTrapezeRenderSettings const* prim,
                    HdTrapezeView* view);
     std::vector<HdTrapezeRender> _Plan(HdTrapezeView const& view,
@@ -64,7 +64,7 @@ private:
     bool _hasSeveral = false;
     // The part of shutters that all prims have samples of, and when that was found.
     GfInterval _sampled;
-    unsigned _sceneVersion = 0;
+    uint64_t _sampledEdits = 0;
 };
 
 PXR_NAMESPACE_CLOSE_SCOPE

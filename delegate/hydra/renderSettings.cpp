@@ -49,7 +49,7 @@ void HdTrapezeRenderSettings::_Sync(HdSceneDelegate* delegate, HdRenderParam* re
         shutter |= GfInterval(times[0], times[1]);
     }
     param.SetShutterOf(this, shutter);
-    param.SampleShutter(delegate->GetRenderIndex().GetChangeTracker());
+    param.SampleShutter(delegate->GetRenderIndex());
 }
 
 void HdTrapezeRenderSettings::Finalize(HdRenderParam* renderParam) {

@@ -3,13 +3,26 @@
 #include "renderParam.h"
 
 #include <algorithm>
-#include <cstring>
+#include <tuple>
 
 PXR_NAMESPACE_OPEN_SCOPE
 
+namespace {
+
+// All that this plugin sets. Bytes cannot be compared: what lies between fields may be anything.
+auto _Fields(trz_settings const& s) {
+    auto const& w = s.data_window;
+    return std::tie(s.width, s.height, w[0], w[1], w[2], w[3], s.pixel_aspect, s.window_policy,
+                    s.samples, s.shading_rate, s.filter, s.filter_width, s.seed, s.threads,
+                    s.override_shutter, s.shutter_open, s.shutter_close, s.disable_motion_blur,
+                    s.disable_defocus, s.camera_light, s.max_micropolygons, s.backend, s.curves,
+                    s.keep_finer, s.cull, s.occlusion_culling);
+}
+
+} // namespace
+
 bool HdTrapezeView::Agrees(HdTrapezeView const& other) const {
-    // Settings come from trz_settings_default each time, so that their padding is the same.
-    return camera == other.camera && std::memcmp(&settings, &other.settings, sizeof(settings)) == 0;
+    return camera == other.camera && _Fields(settings) == _Fields(other.settings);
 }
 
 void HdTrapezeView::AddAov(std::string const& name) {

@@ -1,0 +1,133 @@
+"""An edit touches what it must, and nothing else is synced, diced or rendered again."""
+
+from test_agreement import SCENES
+
+START = """
+    stage = Usd.Stage.Open(scene)
+    view = View(stage, "/cam", samples=2)
+    view.render()
+    before = view.stats()
+
+    def cost(name, frame=1.0):
+        \"\"\"Tells of edits and renders since the last call, and of the last commit.\"\"\"
+        global before
+        view.render(frame)
+        now = view.stats()
+        since = [now[key] - before[key] for key in ("edits", "renders")]
+        keys = ("objectsDiced", "objectsReused", "objectsPlaced")
+        before = now
+        tell(**{name: since + [now[key] for key in keys]})
+
+    def free(*position):
+        frustum = UsdGeom.Camera(stage.GetPrimAtPath("/cam")).GetCamera(1.0).frustum
+        frustum.position = Gf.Vec3d(*position)
+        matrices = frustum.ComputeViewMatrix(), frustum.ComputeProjectionMatrix()
+        view.engine.SetCameraState(*matrices)
+"""
+
+
+def costs(host, script):
+    lines = [line[4:] if line.startswith("    ") else line for line in START.splitlines()]
+    script = "\n".join(lines) + "\n" + "\n".join(line.strip() for line in script.splitlines())
+    return host.run(script, scene=SCENES / "parts.usda").told
+
+
+def test_scene(host):
+    told = costs(
+        host,
+        """
+        cost("nothing")
+        edit(stage, "/A.xformOp:translate", Gf.Vec3d(-3, -1, 0)); cost("transform")
+        edit(stage, "/B.points", [(0, 0, 0), (2, 0, 0), (1, 1, 0), (0, 1, 0)]); cost("points")
+        UsdGeom.Imageable(stage.GetPrimAtPath("/C")).MakeInvisible(); cost("hide")
+        UsdGeom.Imageable(stage.GetPrimAtPath("/C")).MakeVisible(); cost("show")
+        stage.GetPrimAtPath("/D").SetActive(False); cost("remove")
+        stage.GetPrimAtPath("/D").SetActive(True); cost("add")
+        more = [(i - 2, 2.5, 0) for i in range(5)]
+        edit(stage, "/Instancer.positions", more[:4]); cost("instances")
+        edit(stage, "/Instancer.positions", more)
+        edit(stage, "/Instancer.protoIndices", [0] * 5); cost("more_instances")
+        cost("frame", 1.5)
+        """,
+    )
+    # Objects are the five squares and the prototype: diced, kept, of these placed anew.
+    work = {name: (renders, *objects) for name, (_, renders, *objects) in told.items()}
+    assert work == {
+        "nothing": (0, 6, 0, 0),
+        "transform": (1, 1, 5, 0),
+        "points": (1, 1, 5, 0),
+        "hide": (1, 0, 5, 0),
+        "show": (1, 1, 5, 0),
+        "remove": (1, 0, 5, 0),
+        "add": (1, 1, 5, 0),
+        "instances": (1, 0, 6, 1),
+        "more_instances": (1, 0, 6, 1),
+        "frame": (1, 1, 5, 0),
+    }
+    edits = {name: edits for name, (edits, *_) in told.items()}
+    assert edits["nothing"] == 0
+    for name in ("transform", "points", "hide", "show", "remove", "frame"):
+        assert edits[name] == 1, name
+    assert edits["add"] < 12 and edits["instances"] <= 3 and edits["more_instances"] <= 8
+
+
+def test_settings_and_size(host):
+    told = costs(
+        host,
+        """
+        view.set(samples=3); cost("samples")
+        view.set(seed=7); cost("seed")
+        view.set(filter="box"); cost("filter")
+        view.set(filter="box"); cost("same")
+        view.set(shadingRate=2.0); cost("rate")
+        view.resize((48, 32)); cost("size")
+        """,
+    )
+    assert {name: cost[:4] for name, cost in told.items()} == {
+        "samples": [0, 1, 0, 6],
+        "seed": [0, 1, 0, 6],
+        "filter": [0, 1, 0, 6],
+        "same": [0, 0, 0, 6],
+        "rate": [0, 1, 6, 0],
+        "size": [0, 1, 5, 1],
+    }
+
+
+def test_cameras_have_no_prim_synced_again(host):
+    told = costs(
+        host,
+        """
+        edit(stage, "/cam.xformOp:translate", Gf.Vec3d(0, 0.1, 20)); cost("moved")
+        view.engine.SetCameraPath("/still_cam"); cost("other")
+        view.engine.SetCameraPath("/cam"); cost("back")
+        free(0, 0, 19); cost("free")
+        free(0, 0, 18); cost("free_moved")
+        view.engine.SetCameraPath("/cam"); cost("from_free")
+        """,
+    )
+    # The free camera's transform and lens are two.
+    assert {name: cost[:2] for name, cost in told.items()} == {
+        "moved": [1, 1],
+        "other": [0, 1],
+        "back": [0, 1],
+        "free": [2, 1],
+        "free_moved": [2, 1],
+        "from_free": [0, 1],
+    }
+
+
+def test_a_longer_shutter_is_sampled_once(delegate_host):
+    """Scene delegates sample for the camera that the host has: after one without a shutter, prims
+    that were synced meanwhile lack samples."""
+    told = costs(
+        delegate_host,
+        """
+        view.engine.SetCameraPath("/still_cam"); cost("still")
+        edit(stage, "/A.xformOp:translate", Gf.Vec3d(-3, -1, 0)); cost("edited")
+        view.engine.SetCameraPath("/cam"); cost("blurred")
+        view.engine.SetCameraPath("/still_cam"); cost("again")
+        view.engine.SetCameraPath("/cam"); cost("blurred_again")
+        """,
+    )
+    assert [told[name][0] for name in ("still", "edited", "again", "blurred_again")] == [0, 1, 0, 0]
+    assert told["blurred"][0] > 12 and told["blurred"][1] == 1
