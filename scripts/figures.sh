@@ -3,7 +3,7 @@
 # hour or so on two cores. What is not installed is left out: Embree's columns, instruction counts.
 #
 #   scripts/figures.sh          everything
-#   scripts/figures.sh NAME...  of: peers, largest, scale, effects, hunts
+#   scripts/figures.sh NAME...  of: peers, largest, scale, effects, segments, hunts
 set -euo pipefail
 cd "$(dirname "$0")/.."
 out=docs/figures
@@ -37,6 +37,22 @@ scale() { .venv/bin/python scripts/plot_scale.py; }
 
 effects() { .venv/bin/python scripts/absent_effects.py --markdown $out/absent_effects.md; }
 
+segments() {
+    local log
+    log=$(mktemp)
+    cargo bench --locked -q -p hdtrapeze-core --bench segments | tee "$log"
+    {
+        printf '### Several segments of motion beside one\n\n'
+        told "cargo bench -p hdtrapeze-core --bench segments"
+        printf 'A million micropolygons; time and bytes of the BVH as ratios to two keys. Thin lens, packets of 64 rays,\n'
+        printf 'one thread. Half a turn has no chord: two keys of fan and orbit make an eighth of the others'"'"' turn, and\n'
+        printf 'those named slow make that however many keys they have.\n\n'
+        sed -n '1{s/^/| /;s/$/ |/;p;s/[^|]*|/---|/g;s/^---|/|/;p}' "$log"
+        sed -n '2,${s/^/| /;s/$/ |/;p}' "$log"
+    } >$out/segments.md
+    rm -f "$log"
+}
+
 hunts() {
     local log
     log=$(mktemp)
@@ -53,6 +69,6 @@ hunts() {
     rm -f "$log"
 }
 
-for name in "${@:-peers largest scale effects hunts}"; do
+for name in "${@:-peers largest scale effects segments hunts}"; do
     for part in $name; do "$part"; done
 done
