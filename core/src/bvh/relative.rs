@@ -19,7 +19,7 @@
 //! radius. On the axes of a frame both are up to sqrt(3) larger, 22.6. [`MODEL_PAD`] has room for them, and for
 //! terms of order `U^2`. Straying and standing still (see
 //! [`super::carrier`]) come on top; together they are [`Relative::slack`]. What becomes of the ray is derived in
-//! [`crate::trace::relative`].
+//! `trace::relative`.
 
 use std::ops::RangeInclusive;
 
