@@ -32,6 +32,6 @@ else
 fi
 
 library=${HDTRAPEZE_LIBRARY:-$PWD/target/release/libhdtrapeze.so}
-cmake -S delegate/hydra -B build/hydra -G Ninja "${usd[@]}" "-DHDTRAPEZE_LIBRARY=$library" >/dev/null
+cmake -S delegate/hydra -B build/hydra -G Ninja "${usd[@]}" -DHDTRAPEZE_BUILD_PROBE=ON "-DHDTRAPEZE_LIBRARY=$library" >/dev/null
 cmake --build build/hydra
 echo "hydra: PXR_PLUGINPATH_NAME=$PWD/build/hydra/plugin/hdTrapeze"

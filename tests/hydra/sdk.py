@@ -6,6 +6,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 PLUGIN = ROOT / "build/hydra/plugin/hdTrapeze"
+PROBE = ROOT / "build/hydra/hdTrapezeProbe.so"
 ABSENT = (
     "no OpenUSD SDK is configured: set OPENUSD_ROOT, or OPENUSD_INCLUDE_DIR, OPENUSD_LIBRARY, "
     "OPENUSD_PYTHONPATH and OPENUSD_LD_LIBRARY_PATH, and run `make hydra`"
