@@ -267,7 +267,9 @@ std::vector<HdTrapezeRender> HdTrapezePlan(HdRenderSettings const& prim,
         context.host.Apply(&settings);
         HdTrapezeView view;
         view.settings = HdTrapezeFinish(settings);
-        view.settings.disable_motion_blur |= product.disableMotionBlur ? 1 : 0;
+        view.settings.disable_motion_blur |= product.disableMotionBlur ||
+                                             HdTrapezeIsInstantaneous(context.index, id) ||
+                                             HdTrapezeIsInstantaneous(context.index, prim.GetId());
         view.settings.disable_defocus |= product.disableDepthOfField ? 1 : 0;
         view.settings.shading_rate *= context.rate;
         view.settings.camera_light = context.own.settings.camera_light && settings.cameraLight;

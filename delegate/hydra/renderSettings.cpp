@@ -14,6 +14,14 @@
 
 PXR_NAMESPACE_OPEN_SCOPE
 
+namespace {
+
+TF_DEFINE_PRIVATE_TOKENS(_tokens,
+                         (instantaneousShutter)((usdRenderSettings, "__usdRenderSettings"))(
+                             (usdRenderProduct, "__usdRenderProduct")));
+
+} // namespace
+
 void HdTrapezeRenderSettings::_Sync(HdSceneDelegate* delegate, HdRenderParam* renderParam,
                                     HdDirtyBits const*) {
     auto& param = *static_cast<HdTrapezeRenderParam*>(renderParam);
@@ -33,6 +41,7 @@ void HdTrapezeRenderSettings::_Sync(HdSceneDelegate* delegate, HdRenderParam* re
     _disableMotionBlur = all(&RenderProduct::disableMotionBlur);
     _disableDepthOfField = all(&RenderProduct::disableDepthOfField);
 #endif
+    _disableMotionBlur |= HdTrapezeIsInstantaneous(delegate->GetRenderIndex(), GetId());
     // Motion is sampled for the shutters of all products; those of cameras are known.
     GfInterval shutter = _layer.Shutter();
     for (RenderProduct const& product : products) {
@@ -87,6 +96,22 @@ bool HdTrapezeCurrentFrame(HdRenderIndex const& index, double* frame) {
     (void)index;
     (void)frame;
 #endif
+    return false;
+}
+
+bool HdTrapezeIsInstantaneous(HdRenderIndex const& index, SdfPath const& id) {
+    HdSceneIndexBaseRefPtr const scene = index.GetTerminalSceneIndex();
+    HdContainerDataSourceHandle const source =
+        scene ? scene->GetPrim(id).dataSource : HdContainerDataSourceHandle();
+    for (TfToken const& schema : {_tokens->usdRenderSettings, _tokens->usdRenderProduct}) {
+        auto const prim = source ? HdContainerDataSource::Cast(source->Get(schema))
+                                 : HdContainerDataSourceHandle();
+        auto const value =
+            prim ? HdBoolDataSource::Cast(prim->Get(_tokens->instantaneousShutter)) : nullptr;
+        if (value && value->GetTypedValue(0.0f)) {
+            return true;
+        }
+    }
     return false;
 }
 

@@ -42,6 +42,10 @@ HdTrapezeSettingsLayer HdTrapezeReadNamespaced(VtDictionary const& settings, Sdf
 /// The frame that the host shows; none of hosts that do not tell, and at the default time.
 bool HdTrapezeCurrentFrame(HdRenderIndex const& index, double* frame);
 
+/// Whether a RenderSettings prim or a RenderProduct has instantaneousShutter, the older name of
+/// disableMotionBlur. Only scene indices tell.
+bool HdTrapezeIsInstantaneous(HdRenderIndex const& index, SdfPath const& id);
+
 /// Path of the active RenderSettings prim; empty for none.
 SdfPath HdTrapezeActiveSettings(HdRenderIndex const& index);
 
