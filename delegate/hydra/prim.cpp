@@ -84,6 +84,7 @@ bool HdTrapezePrim::Sync(HdRprim const& rprim, HdSceneDelegate* delegate,
             return false;
         }
         param.AddPrim(id, this);
+        SetRenderTag(rprim.GetRenderTag());
     }
     if (created || (bits & HdChangeTracker::DirtyPrimID)) {
         param.Edit(trz_prim_set_pick_id(param.Session(), _id, rprim.GetPrimId()), id);
@@ -105,10 +106,6 @@ bool HdTrapezePrim::Sync(HdRprim const& rprim, HdSceneDelegate* delegate,
     }
     if (created || (bits & HdChangeTracker::DirtyVisibility)) {
         _visible = rprim.IsVisible();
-        param.MarkVisibilityDirty();
-    }
-    if (created || (bits & HdChangeTracker::DirtyRenderTag)) {
-        _renderTag = delegate->GetRenderTag(id);
         param.MarkVisibilityDirty();
     }
     if (created || HdChangeTracker::IsDisplayStyleDirty(bits, id)) {

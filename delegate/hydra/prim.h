@@ -44,6 +44,7 @@ public:
     void Include(SdfPath const& id, bool included, HdTrapezeRenderParam& param);
 
     TfToken const& RenderTag() const { return _renderTag; }
+    void SetRenderTag(TfToken const& tag) { _renderTag = tag; }
 
     /// The interval that what moves this prim is sampled for: the shutter, scaled with its blur.
     GfInterval Shutter(HdTrapezeRenderParam const& param) const {

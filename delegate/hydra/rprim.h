@@ -53,6 +53,13 @@ public:
         *dirtyBits &= ~HdChangeTracker::AllSceneDirtyBits;
     }
 
+    // Apart from Sync: prims whose tag is not asked for, or no longer, are not synced.
+    void UpdateRenderTag(HdSceneDelegate* delegate, HdRenderParam* renderParam) final {
+        Base::UpdateRenderTag(delegate, renderParam);
+        _prim.SetRenderTag(this->GetRenderTag());
+        static_cast<HdTrapezeRenderParam*>(renderParam)->MarkVisibilityDirty();
+    }
+
     void Finalize(HdRenderParam* renderParam) final {
         _prim.Finalize(*this, *static_cast<HdTrapezeRenderParam*>(renderParam));
         Base::Finalize(renderParam);

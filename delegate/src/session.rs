@@ -241,11 +241,12 @@ impl Session {
         Ok(ended)
     }
 
-    /// Cancels a running commit or render and waits until it has stopped; keeps what was rendered.
+    /// Cancels a running commit or render and waits until it has stopped; keeps what was rendered. What
+    /// another thread starts meanwhile is not waited for.
     pub fn cancel(&self) -> Result<(), Error> {
         self.may_wait()?;
-        self.shared.request_cancel();
-        self.shared.wait(None);
+        let cancelled = self.shared.request_cancel();
+        self.shared.wait_for(&cancelled);
         self.shared.check()
     }
 

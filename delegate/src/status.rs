@@ -126,13 +126,26 @@ impl Shared {
         true
     }
 
-    /// Asks what runs to stop.
-    pub fn request_cancel(&self) {
+    /// Asks what runs to stop; returns its flag.
+    pub fn request_cancel(&self) -> Arc<AtomicBool> {
         let mut status = self.status();
         status.ending = true;
-        status.cancel.store(true, Ordering::Relaxed);
+        let cancel = status.cancel.clone();
+        cancel.store(true, Ordering::Relaxed);
         drop(status);
         self.changed.notify_all();
+        cancel
+    }
+
+    /// Waits until the run with that flag does not run any more.
+    pub fn wait_for(&self, cancel: &Arc<AtomicBool>) {
+        let mut status = self.status();
+        while status.state.is_running() && Arc::ptr_eq(&status.cancel, cancel) {
+            status = self
+                .changed
+                .wait(status)
+                .unwrap_or_else(PoisonError::into_inner);
+        }
     }
 
     /// Has renders wait, or go on.
@@ -205,4 +218,33 @@ pub(crate) fn panic_text(panic: &(dyn Any + Send)) -> String {
     text.or_else(|| panic.downcast_ref::<String>().map(String::as_str))
         .unwrap_or("panic without a message")
         .to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn who_cancels_waits_for_what_was_cancelled_alone() {
+        for _ in 0..200 {
+            let shared = Shared::new();
+            let first = shared.begin();
+            std::thread::scope(|scope| {
+                let waits = scope.spawn(|| shared.wait_for(&shared.request_cancel()));
+                while !first.load(Ordering::Relaxed) {
+                    std::thread::yield_now();
+                }
+                shared.end(State::Cancelled);
+                let second = shared.begin();
+                let deadline = Instant::now() + Duration::from_secs(5);
+                while !waits.is_finished() && Instant::now() < deadline {
+                    std::thread::yield_now();
+                }
+                let returned = waits.is_finished();
+                shared.end(State::Finished);
+                assert!(returned, "it waits for a render that it did not cancel");
+                assert!(!second.load(Ordering::Relaxed));
+            });
+        }
+    }
 }

@@ -8,7 +8,7 @@ import sys
 import time
 from pathlib import Path
 
-from pxr import CameraUtil, Gf, Sdf, Usd, UsdAppUtils, UsdGeom, UsdImagingGL, Vt  # noqa: F401
+from pxr import CameraUtil, Gf, Glf, Sdf, Usd, UsdAppUtils, UsdGeom, UsdImagingGL, Vt  # noqa: F401
 
 PLUGIN = "HdTrapezeRendererPlugin"
 _told = {}
@@ -39,16 +39,25 @@ def edit(stage, path, value, time=None):
 
 
 class View:
-    """A view of a stage as in usdview: drawn again and again while its image gets better."""
+    """A view of a stage as in usdview: drawn again and again while its image gets better. Settings
+    are render settings, without their namespace."""
 
-    def __init__(self, stage, camera=None, size=(96, 64), aov="color", **settings):
+    def __init__(
+        self, stage, camera=None, size=(96, 64), aov="color", interactive=True, **settings
+    ):
         wanted = UsdImagingGL.Engine.Parameters()
         wanted.gpuEnabled = False
         wanted.rendererPluginId = PLUGIN
         self.stage = stage
         self.engine = UsdImagingGL.Engine(wanted)
         assert self.engine.GetCurrentRendererId() == PLUGIN
+        # Interactive ones keep surfaces that are finer than they have to be.
+        self.engine.SetRendererSetting("enableInteractive", interactive)
         self.engine.SetRendererAov(aov)
+        # Stands for one at the camera, wherever it is.
+        light = Glf.SimpleLight()
+        light.position = Gf.Vec4f(0, 0, 1, 1)
+        self.engine.SetLightingState([light], Glf.SimpleMaterial(), Gf.Vec4f(0))
         if camera:
             self.engine.SetCameraPath(camera)
         self.resize(size)
@@ -63,7 +72,6 @@ class View:
         self.engine.SetRenderBufferSize(Gf.Vec2i(*size))
 
     def set(self, **settings):
-        """Render settings, without their namespace."""
         for name, value in settings.items():
             self.engine.SetRendererSetting(f"trapeze:{name}", value)
 
