@@ -17,11 +17,11 @@ RECORD = "record(Usd.Stage.Open(scene), 'hydra.exr', camera, frame, **choices)"
 
 
 def assert_alike(ours, other):
-    """Equal but for the last bit of matrices and lenses: Hydra hands some on as floats, which may
-    round a value of 16 bits otherwise, and put few samples on the other side of an edge."""
+    """Equal but for the last bit of matrices and lenses, which Hydra hands on as floats: values may
+    differ by a bit of 16 bits, and few samples are on the other side of an edge."""
     assert ours.shape == other.shape
     assert (other[..., 3] > 0).mean() > 0.05, "there is something to be seen"
-    assert (ours != other).mean() < 0.002
+    assert (np.abs(ours - other) > 1e-3 * other).mean() < 0.002
     assert np.abs(ours - other).max() < 2.5 / 64
     np.testing.assert_allclose(ours.mean((0, 1)), other.mean((0, 1)), atol=1e-5)
 

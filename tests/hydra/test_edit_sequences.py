@@ -197,5 +197,5 @@ def test_edits_of_several_threads_while_it_renders(host):
     assert ran.told["errors"] == []
     assert ran.warnings == []
     seen, fresh = (read_exr(ran.folder / f"{view}.exr") for view in ("seen", "fresh"))
-    for channel in fresh:
+    for channel in fresh.keys() - {"primId.X"}:  # hosts give those anew
         np.testing.assert_array_equal(seen[channel], fresh[channel])
