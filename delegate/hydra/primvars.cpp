@@ -9,14 +9,21 @@ PXR_NAMESPACE_OPEN_SCOPE
 
 namespace {
 
+// So many numbers are one value, where the host's Hydra can say it.
+template <class Descriptor>
+auto _ElementSize(Descriptor const& primvar, int) -> decltype(primvar.elementSize) {
+    return primvar.elementSize;
+}
+template <class Descriptor> int _ElementSize(Descriptor const&, long) { return 1; }
+
 bool _Send(SdfPath const& id, trz_id prim, TfToken const& name, HdInterpolation interpolation,
-           TfToken const& role, HdTrapezeSamples<VtValue> const& samples,
+           TfToken const& role, int elementSize, HdTrapezeSamples<VtValue> const& samples,
            HdTrapezeRenderParam& param) {
     trz_primvar desc = {};
     desc.struct_size = sizeof(desc);
     desc.interpolation = HdTrapezeInterpolation(interpolation);
     desc.role = role == HdPrimvarRoleTokens->color ? TRZ_ROLE_COLOR : TRZ_ROLE_NONE;
-    desc.element_size = 1;
+    desc.element_size = elementSize;
     desc.unauthored_index = -1;
     std::vector<double> times;
     std::vector<void const*> values;
@@ -83,7 +90,8 @@ void HdTrapezePrimvars::Sync(SdfPath const& id, trz_id prim, HdSceneDelegate* de
              delegate->GetExtComputationPrimvarDescriptors(id, interpolation)) {
             if (isWanted(computed.name)) {
                 auto const samples = HdTrapezeSampleComputed(delegate, computed, shutter);
-                if (_Send(id, prim, computed.name, interpolation, computed.role, samples, param)) {
+                if (_Send(id, prim, computed.name, interpolation, computed.role, 1, samples,
+                          param)) {
                     sent.insert(computed.name);
                 }
             }
@@ -91,7 +99,8 @@ void HdTrapezePrimvars::Sync(SdfPath const& id, trz_id prim, HdSceneDelegate* de
         for (auto const& primvar : delegate->GetPrimvarDescriptors(id, interpolation)) {
             if (isWanted(primvar.name) && !sent.count(primvar.name)) {
                 auto const samples = HdTrapezeSamplePrimvar(delegate, id, primvar.name, shutter);
-                if (_Send(id, prim, primvar.name, interpolation, primvar.role, samples, param)) {
+                if (_Send(id, prim, primvar.name, interpolation, primvar.role,
+                          _ElementSize(primvar, 0), samples, param)) {
                     sent.insert(primvar.name);
                 }
             }
