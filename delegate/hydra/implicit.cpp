@@ -88,14 +88,19 @@ void HdTrapezeImplicit::_SyncShape(HdTrapezePrim const& prim, HdSceneDelegate* d
     HdTrapezeSchema const schema(delegate, id, HdDataSourceLocator(kind.schema));
     GfInterval const shutter = prim.Shutter(param);
     std::vector<HdTrapezeSamples<double>> tracks;
-    std::set<double> times;
+    std::set<double> times; // of those that change, if any
     for (_Size const& size : kind.sizes) {
         auto samples = schema.Sample(size.name, shutter);
         if (samples.values.empty() && !size.uniform.IsEmpty()) {
             samples = schema.Sample(size.uniform, shutter);
         }
-        times.insert(samples.times.begin(), samples.times.end());
+        if (samples.times.size() > 1) {
+            times.insert(samples.times.begin(), samples.times.end());
+        }
         tracks.push_back(std::move(samples));
+    }
+    if (times.empty()) {
+        times = {0.0};
     }
     std::vector<double> const sorted(times.begin(), times.end());
     std::vector<double> sizes(3 * sorted.size());

@@ -359,11 +359,14 @@ void HdTrapezeInstancer::CommitGroups(HdTrapezeRenderParam& param) {
             param.Edit(trz_prim_set_transform(param.Session(), group.id, &level, levels), id);
             param.Edit(trz_prim_set_visible(param.Session(), group.id, _visible), id);
         }
-        if (!group.hasValues) {
-            group.hasValues = true;
+        if (group.motion != _motion) {
+            group.motion = _motion;
             param.Edit(trz_prim_set_motion(param.Session(), group.id, _motion.blurScale,
                                            _motion.sampleCount),
                        id);
+        }
+        if (!group.hasValues) {
+            group.hasValues = true;
             _SetValues(group.id, instances, param);
         }
     }

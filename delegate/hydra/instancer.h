@@ -59,6 +59,7 @@ private:
     // An instancer of the session.
     struct _Group {
         trz_id id = 0;
+        HdTrapezeMotion motion;
         bool hasValues = false;
         bool hasTransform = false;
     };

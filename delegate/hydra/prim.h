@@ -18,6 +18,10 @@ struct HdTrapezeMotion {
 
     HdTrapezeMotion() = default;
     HdTrapezeMotion(SdfPath const& id, HdSceneDelegate* delegate);
+
+    bool operator!=(HdTrapezeMotion const& other) const {
+        return blurScale != other.blurScale || sampleCount != other.sampleCount;
+    }
 };
 
 /// A geometry prim of the session, and what all kinds of Rprims have in common: place, motion,

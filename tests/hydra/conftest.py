@@ -28,3 +28,9 @@ def host(request, tmp_path) -> Host:
 def delegate_host(tmp_path) -> Host:
     """For what is the same both ways."""
     return Host(tmp_path, scene_index=False)
+
+
+@pytest.fixture
+def index_host(tmp_path) -> Host:
+    """For what arrives by scene indices alone."""
+    return Host(tmp_path, scene_index=True)
