@@ -94,26 +94,32 @@ def test_prototypes_that_vanish(host):
     assert ran.image("gone.exr")[:, 50:].max() == 0
 
 
-@pytest.mark.parametrize("settings", [
-    {"backend": "gpu"},
-    {"backend": "abacus"},
-    {"filter": "sieve", "curves": "noodles"},
-    {"samples": -5, "seed": -1, "threads": -2, "shadingRate": -1.0, "filterWidth": -3.0},
-    {"samples": "many", "shadingRate": "fine"},
-    {"overrideShutter": True, "shutterOpen": 1.0, "shutterClose": -1.0},
-    {"shadingRate": float("nan"), "shutterOpen": float("nan"), "overrideShutter": True},
+@pytest.mark.parametrize(("settings", "told"), [
+    ({"backend": "gpu"}, "the CPU only"),
+    ({"backend": "abacus"}, "backend is abacus"),
+    ({"filter": "sieve", "curves": "noodles"}, "filter is sieve|curves is noodles"),
+    (
+        {"samples": -5, "seed": -1, "threads": -2, "shadingRate": -1.0, "filterWidth": -3.0},
+        "it must be from",
+    ),
+    ({"samples": "many", "shadingRate": "fine"}, "number"),
+    ({"overrideShutter": True, "shutterOpen": 1.0, "shutterClose": -1.0}, "shutter"),
+    ({"shadingRate": float("nan"), "seed": float("inf")}, "cannot be"),
 ])  # fmt: skip
-def test_settings_that_cannot_be(delegate_host, settings):
+def test_settings_that_cannot_be(delegate_host, settings, told):
     script = """
-    settings = {name: float(v) if v == "nan" else v for name, v in settings.items()}
+    settings = {n: float(v) if v in ("nan", "inf") else v for n, v in settings.items()}
     view = View(Usd.Stage.Open(scene), "/main_cam", size=(24, 16), **settings)
     view.render(1)
     view.save("view.exr")
     """
     scene = delegate_host.folder / "scene.usda"
     scene.write_text(HEAD)
-    given = {name: "nan" if value != value else value for name, value in settings.items()}
+    given = {n: str(v) if v in (float("inf"),) or v != v else v for n, v in settings.items()}
     ran = delegate_host.run(script, scene=scene, settings=given)
     assert ran.image("view.exr")[..., 3].max() > 0.99
-    print(ran.warnings)
-    assert len(ran.warnings) == len(set(ran.warnings))
+    texts = [text for _, text in ran.warnings]
+    assert len(texts) == len(set(texts))
+    if "overrideShutter" not in settings:
+        assert len(texts) == len(settings)
+    assert texts and all(re.search(told, text) for text in texts)
