@@ -9,15 +9,15 @@
 PXR_NAMESPACE_OPEN_SCOPE
 
 namespace {
-// Calls f with the ends of the interval; without them where the scene delegate alone knows the
-// shutter, as it did up to 24.05.
-template <class F> void _Within(GfInterval const& shutter, F&& f) {
-#if HD_API_VERSION >= 68
-    f(static_cast<float>(shutter.GetMin()), static_cast<float>(shutter.GetMax()));
-#else
-    TF_UNUSED(shutter);
-    f();
-#endif
+// Calls f with the ends of the interval; without them where f takes none: the scene delegate alone
+// knows the shutter up to 24.05, and with ext computations up to 24.08.
+template <bool takesInterval, class F> void _Within(GfInterval const& shutter, F&& f) {
+    if constexpr (takesInterval) {
+        f(static_cast<float>(shutter.GetMin()), static_cast<float>(shutter.GetMax()));
+    } else {
+        TF_UNUSED(shutter);
+        f();
+    }
 }
 
 // Samples that are held without taking memory from the heap; there may be more.
@@ -34,7 +34,7 @@ void _AddHeldTimes(HdSceneDelegate* delegate, SdfPath const& computation, GfInte
                    std::vector<_Times>* all) {
     for (TfToken const& input : delegate->GetExtComputationSceneInputNames(computation)) {
         HdTimeSampleArray<VtValue, _capacity> samples;
-        _Within(shutter, [&](auto... interval) {
+        _Within<(HD_API_VERSION >= 68)>(shutter, [&](auto... interval) {
             delegate->SampleExtComputationInput(computation, input, interval..., &samples);
         });
         if (samples.count > 1 && (samples.values[0].IsHolding<VtArray<GfMatrix4f>>() ||
@@ -51,8 +51,8 @@ void _AddHeldTimes(HdSceneDelegate* delegate, SdfPath const& computation, GfInte
 HdTrapezeSamples<GfMatrix4d> HdTrapezeSampleTransform(HdSceneDelegate* delegate, SdfPath const& id,
                                                       GfInterval const& shutter) {
     HdTimeSampleArray<GfMatrix4d, _capacity> samples;
-    _Within(shutter,
-            [&](auto... interval) { delegate->SampleTransform(id, interval..., &samples); });
+    _Within<(HD_API_VERSION >= 68)>(
+        shutter, [&](auto... interval) { delegate->SampleTransform(id, interval..., &samples); });
     return HdTrapezeSorted(samples, [&] { return delegate->GetTransform(id); });
 }
 
@@ -60,7 +60,7 @@ HdTrapezeSamples<GfMatrix4d> HdTrapezeSampleInstancerTransform(HdSceneDelegate* 
                                                                SdfPath const& id,
                                                                GfInterval const& shutter) {
     HdTimeSampleArray<GfMatrix4d, _capacity> samples;
-    _Within(shutter, [&](auto... interval) {
+    _Within<(HD_API_VERSION >= 68)>(shutter, [&](auto... interval) {
         delegate->SampleInstancerTransform(id, interval..., &samples);
     });
     return HdTrapezeSorted(samples, [&] { return delegate->GetInstancerTransform(id); });
@@ -69,8 +69,9 @@ HdTrapezeSamples<GfMatrix4d> HdTrapezeSampleInstancerTransform(HdSceneDelegate* 
 HdTrapezeSamples<VtValue> HdTrapezeSamplePrimvar(HdSceneDelegate* delegate, SdfPath const& id,
                                                  TfToken const& name, GfInterval const& shutter) {
     HdTimeSampleArray<VtValue, _capacity> samples;
-    _Within(shutter,
-            [&](auto... interval) { delegate->SamplePrimvar(id, name, interval..., &samples); });
+    _Within<(HD_API_VERSION >= 68)>(shutter, [&](auto... interval) {
+        delegate->SamplePrimvar(id, name, interval..., &samples);
+    });
     return HdTrapezeSorted(samples, [&] { return delegate->Get(id, name); });
 }
 
@@ -79,7 +80,7 @@ HdTrapezeSampleComputed(HdSceneDelegate* delegate,
                         HdExtComputationPrimvarDescriptor const& descriptor,
                         GfInterval const& shutter) {
     HdExtComputationUtils::SampledValueStore<_capacity> store;
-    _Within(shutter, [&](auto... interval) {
+    _Within<(HD_API_VERSION >= 73)>(shutter, [&](auto... interval) {
         HdExtComputationUtils::SampleComputedPrimvarValues<_capacity>(
             {descriptor}, delegate, interval..., _mostComputed, &store);
     });
