@@ -240,6 +240,9 @@ void HdTrapezeRenderPass::_Execute(HdRenderPassStateSharedPtr const& state,
     HdTrapezeRenderSettings const* const prim =
         param.FindRenderSettings(HdTrapezeActiveSettings(index));
     _Include(tags);
+    if (prim) {
+        prim->CheckPurposes(tags, param);
+    }
     HdTrapezeView view;
     if (!_MakeView(*state, prim, &view)) {
         return;

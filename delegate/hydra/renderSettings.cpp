@@ -6,6 +6,7 @@
 #include "pxr/imaging/hd/sceneDelegate.h"
 #include "pxr/imaging/hd/sceneGlobalsSchema.h"
 #include "pxr/imaging/hd/sceneIndex.h"
+#include "pxr/imaging/hd/tokens.h"
 #include "pxr/imaging/hd/utils.h"
 #include "pxr/imaging/hd/version.h"
 
@@ -17,8 +18,9 @@ PXR_NAMESPACE_OPEN_SCOPE
 namespace {
 
 TF_DEFINE_PRIVATE_TOKENS(_tokens,
-                         (instantaneousShutter)((usdRenderSettings, "__usdRenderSettings"))(
-                             (usdRenderProduct, "__usdRenderProduct")));
+                         (instantaneousShutter)((default_, "default"))(
+                             (usdRenderSettings, "__usdRenderSettings"))((usdRenderProduct,
+                                                                          "__usdRenderProduct")));
 
 } // namespace
 
@@ -70,6 +72,22 @@ void HdTrapezeRenderSettings::Finalize(HdRenderParam* renderParam) {
 void HdTrapezeRenderSettings::DisableEffects(trz_settings* settings) const {
     settings->disable_motion_blur |= _disableMotionBlur ? 1 : 0;
     settings->disable_defocus |= _disableDepthOfField ? 1 : 0;
+}
+
+void HdTrapezeRenderSettings::CheckPurposes(TfTokenVector const& tags,
+                                            HdTrapezeRenderParam& param) const {
+    // Nobody may have said this: it is the schema's fallback.
+    if (GetIncludedPurposes() == VtArray<TfToken>{_tokens->default_, HdRenderTagTokens->render}) {
+        return;
+    }
+    for (TfToken const& purpose : GetIncludedPurposes()) {
+        bool const isDefault = purpose == _tokens->default_;
+        if (!isDefault && !tags.empty() &&
+            std::find(tags.begin(), tags.end(), purpose) == tags.end()) {
+            param.WarnOnce(GetId(), "its includedPurposes names " + purpose.GetString() +
+                                        ", which the host leaves out (usdrecord has --purposes)");
+        }
+    }
 }
 
 HdTrapezeSettingsLayer HdTrapezeReadNamespaced(VtDictionary const& settings, SdfPath const& id,

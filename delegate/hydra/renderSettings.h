@@ -9,6 +9,7 @@
 PXR_NAMESPACE_OPEN_SCOPE
 
 class HdRenderIndex;
+class HdTrapezeRenderParam;
 
 /// A RenderSettings prim: its settings of this renderer, its products. One of them is the active
 /// one, which the host's scene globals name.
@@ -21,6 +22,9 @@ public:
     /// Adds what the prim says, but for the effects that it switches off: products may not.
     void Apply(HdTrapezeSettings* settings) const { _layer.Apply(settings); }
     void DisableEffects(trz_settings* settings) const;
+
+    /// Says which of the included purposes the host has no prims of: it alone can ask for them.
+    void CheckPurposes(TfTokenVector const& tags, HdTrapezeRenderParam& param) const;
 
     /// Grows with every Sync.
     uint64_t Version() const { return _version; }
@@ -37,7 +41,7 @@ private:
 
 /// The settings of this renderer among a prim's namespaced ones. What cannot be gives a warning.
 HdTrapezeSettingsLayer HdTrapezeReadNamespaced(VtDictionary const& settings, SdfPath const& id,
-                                               class HdTrapezeRenderParam& param);
+                                               HdTrapezeRenderParam& param);
 
 /// The frame that the host shows; none of hosts that do not tell, and at the default time.
 bool HdTrapezeCurrentFrame(HdRenderIndex const& index, double* frame);

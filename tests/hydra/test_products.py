@@ -223,3 +223,20 @@ def test_hosts_may_go_or_edit_while_products_render(host):
         """,
         scene=SCENES / "products.usda",
     )
+
+
+def test_purposes_are_the_hosts(host):
+    """Prims of other purposes are not synced: a warning says so."""
+    over = """
+        over "Render"
+        {
+            over "Settings"
+            {
+                uniform token[] includedPurposes = ["default", "proxy", "render"]
+                rel products = </Render/Picture>
+            }
+        }
+    """
+    ran = host.run(RECORD, scene=SCENES / "products.usda", over=over)
+    assert [path for path, _ in ran.warnings] == ["/Render/Settings"]
+    assert "names render, which the host leaves out" in ran.warnings[0][1]
