@@ -400,7 +400,10 @@ enum Taken {
     LeftOut,
 }
 
-/// Prims that are visible, with their instancers; warns of those that have no place.
+/// Prims that are visible, with their instancers, in the order of their paths; warns of those that have
+/// no place.
+///
+/// Where surfaces lie on one another the first one is seen, and hosts may create prims in any order.
 fn find_places<'a>(
     scene: &'a Scene,
     warnings: &mut Vec<Warning>,
@@ -415,6 +418,7 @@ fn find_places<'a>(
         }
     }
     chains::warn_of(&broken, scene, warnings);
+    found.sort_by(|a, b| a.1.common.path.cmp(&b.1.common.path));
     found
 }
 
