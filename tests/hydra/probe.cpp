@@ -1,5 +1,5 @@
-// What pickers and viewers of a host see: buffers in its memory, and ids as the host decodes them. Python
-// has no access to either, so host.py loads this and calls it.
+// What pickers and viewers of a host see: buffers in its memory, and ids as the host decodes them.
+// Python has no access to either, so host.py loads this and calls it.
 
 #include "pxr/imaging/hd/renderBuffer.h"
 #include "pxr/imaging/hd/tokens.h"
@@ -53,21 +53,22 @@ void WriteColor(std::ostream& out, HdRenderBuffer* buffer, HdFormat format, size
 } // namespace
 
 /// Renders a stage through a camera, and writes to a JSON file: what each pair of prim and instance
-/// decodes to with its mean pixel (y up); of each AOV its format and its values at the pixel x, y; and
-/// the colour there in several formats.
-extern "C" __attribute__((visibility("default"))) int probe(char const* file, char const* camera,
-                                                            int width, int height, int x, int y,
-                                                            char const* to) {
+/// decodes to with its mean pixel (y up); of each AOV its format and its values at the pixel x, y;
+/// and the colour there in several formats.
+extern "C" __attribute__((visibility("default"))) int
+probe(char const* file, char const* camera, int width, int height, int x, int y, char const* to) {
     UsdStageRefPtr const stage = UsdStage::Open(file);
     UsdImagingGLEngine::Parameters parameters;
     parameters.gpuEnabled = false;
     parameters.rendererPluginId = TfToken("HdTrapezeRendererPlugin");
     UsdImagingGLEngine engine(parameters);
     TfTokenVector const aovs = {
-        HdAovTokens->color,     HdAovTokens->depth,  HdAovTokens->primId,
-        HdAovTokens->instanceId, HdAovTokens->elementId, HdAovTokens->normal,
-        HdAovTokens->Neye,      HdAovTokensMakePrimvar(TfToken("st")), TfToken("cost"),
-        TfToken("motionVectors"), TfToken("sampleCount"),
+        HdAovTokens->color,     HdAovTokens->depth,
+        HdAovTokens->primId,    HdAovTokens->instanceId,
+        HdAovTokens->elementId, HdAovTokens->normal,
+        HdAovTokens->Neye,      HdAovTokensMakePrimvar(TfToken("st")),
+        TfToken("cost"),        TfToken("motionVectors"),
+        TfToken("sampleCount"),
     };
     engine.SetRendererAovs(aovs);
     engine.SetRendererSetting(TfToken("trapeze:samples"), VtValue(4));
@@ -136,15 +137,17 @@ extern "C" __attribute__((visibility("default"))) int probe(char const* file, ch
         SdfPath path, instancer;
         int index = -1;
         HdInstancerContext context;
-        if (!engine.DecodeIntersection(ids.first, ids.second, &path, &instancer, &index, &context)) {
+        if (!engine.DecodeIntersection(ids.first, ids.second, &path, &instancer, &index,
+                                       &context)) {
             continue;
         }
-        out << (first ? "" : ", ") << "{\"path\": \"" << path << "\", \"instancer\": \"" << instancer
-            << "\", \"index\": " << index << ", \"x\": " << place.x / place.count
+        out << (first ? "" : ", ") << "{\"path\": \"" << path << "\", \"instancer\": \""
+            << instancer << "\", \"index\": " << index << ", \"x\": " << place.x / place.count
             << ", \"y\": " << place.y / place.count << ", \"count\": " << place.count
             << ", \"context\": [";
         for (size_t i = 0; i < context.size(); ++i) {
-            out << (i ? ", " : "") << "[\"" << context[i].first << "\", " << context[i].second << "]";
+            out << (i ? ", " : "") << "[\"" << context[i].first << "\", " << context[i].second
+                << "]";
         }
         out << "]}";
         first = false;
