@@ -9,7 +9,8 @@ PXR_NAMESPACE_OPEN_SCOPE
 
 namespace {
 
-uint32_t _Basis(HdBasisCurvesTopology const& topology, SdfPath const& id) {
+uint32_t _Basis(HdBasisCurvesTopology const& topology, SdfPath const& id,
+                HdTrapezeRenderParam& param) {
     static std::map<TfToken, uint32_t> const words = {
         {HdTokens->bezier, TRZ_BASIS_BEZIER},
         {HdTokens->bspline, TRZ_BASIS_BSPLINE},
@@ -18,22 +19,23 @@ uint32_t _Basis(HdBasisCurvesTopology const& topology, SdfPath const& id) {
     };
     return topology.GetCurveType() == HdTokens->linear
                ? TRZ_BASIS_LINEAR
-               : HdTrapezeWord(words, topology.GetCurveBasis(), TRZ_BASIS_BEZIER, id);
+               : HdTrapezeWord(words, topology.GetCurveBasis(), TRZ_BASIS_BEZIER, id, param);
 }
 
-uint32_t _Wrap(TfToken const& word, SdfPath const& id) {
+uint32_t _Wrap(TfToken const& word, SdfPath const& id, HdTrapezeRenderParam& param) {
     static std::map<TfToken, uint32_t> const words = {
         {HdTokens->nonperiodic, TRZ_WRAP_NONPERIODIC},
         {HdTokens->segmented, TRZ_WRAP_NONPERIODIC},
         {HdTokens->periodic, TRZ_WRAP_PERIODIC},
         {HdTokens->pinned, TRZ_WRAP_PINNED},
     };
-    return HdTrapezeWord(words, word, TRZ_WRAP_NONPERIODIC, id);
+    return HdTrapezeWord(words, word, TRZ_WRAP_NONPERIODIC, id, param);
 }
 
 } // namespace
 
-uint32_t HdTrapezeCurveForm(HdSceneDelegate* delegate, SdfPath const& id) {
+uint32_t HdTrapezeCurveForm(HdSceneDelegate* delegate, SdfPath const& id,
+                            HdTrapezeRenderParam& param) {
     static TfToken const primvar("trapeze:curves");
     static std::map<TfToken, uint32_t> const words = {
         {TfToken("auto"), TRZ_CURVES_AUTO},
@@ -43,7 +45,7 @@ uint32_t HdTrapezeCurveForm(HdSceneDelegate* delegate, SdfPath const& id) {
     VtValue const value = delegate->Get(id, primvar);
     TfToken const word = value.IsHolding<std::string>() ? TfToken(value.UncheckedGet<std::string>())
                                                         : value.GetWithDefault<TfToken>();
-    return HdTrapezeWord(words, word, TRZ_CURVES_DEFAULT, id);
+    return HdTrapezeWord(words, word, TRZ_CURVES_DEFAULT, id, param);
 }
 
 void HdTrapezeBasisCurves::_SyncShape(HdTrapezePrim const& prim, HdSceneDelegate* delegate,
@@ -63,16 +65,16 @@ void HdTrapezeBasisCurves::_SyncShape(HdTrapezePrim const& prim, HdSceneDelegate
         counts.assign(points / 2, 2);
     }
     if (topology.HasIndices()) {
-        TF_WARN("Trapeze <%s>: curves with indices, such as the bounds that stand for a model, are "
-                "not supported; they are left out",
-                id.GetText());
+        param.WarnOnce(id,
+                       "curves with indices, such as the bounds that stand for a model, are not "
+                       "supported; they are left out");
         counts.clear();
     }
     trz_curves desc = {};
     desc.struct_size = sizeof(desc);
-    desc.basis = _Basis(topology, id);
-    desc.wrap = _Wrap(topology.GetCurveWrap(), id);
-    desc.form = HdTrapezeCurveForm(delegate, id);
+    desc.basis = _Basis(topology, id, param);
+    desc.wrap = _Wrap(topology.GetCurveWrap(), id, param);
+    desc.form = HdTrapezeCurveForm(delegate, id, param);
     desc.vertex_counts = counts.cdata();
     desc.curve_count = counts.size();
     param.Edit(trz_curves_set(param.Session(), prim.Id(), &desc), id);

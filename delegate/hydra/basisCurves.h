@@ -20,7 +20,8 @@ private:
 };
 
 /// What curves without normals are rendered as, as the primvar trapeze:curves says: TRZ_CURVES_*.
-uint32_t HdTrapezeCurveForm(HdSceneDelegate* delegate, SdfPath const& id);
+uint32_t HdTrapezeCurveForm(HdSceneDelegate* delegate, SdfPath const& id,
+                            HdTrapezeRenderParam& param);
 
 PXR_NAMESPACE_CLOSE_SCOPE
 

@@ -93,6 +93,13 @@ std::vector<trz_lens_sample> _LensSamples(HdSceneDelegate* delegate, SdfPath con
 
 } // namespace
 
+GfInterval HdTrapezeCamera::Shutter() const {
+    double const open = GetShutterOpen();
+    double const close = GetShutterClose();
+    return std::isfinite(open) && std::isfinite(close) ? GfInterval(open, std::max(open, close))
+                                                       : GfInterval(0.0, 0.0);
+}
+
 void HdTrapezeCamera::Sync(HdSceneDelegate* delegate, HdRenderParam* renderParam,
                            HdDirtyBits* dirtyBits) {
     auto& param = *static_cast<HdTrapezeRenderParam*>(renderParam);
@@ -106,11 +113,8 @@ void HdTrapezeCamera::Sync(HdSceneDelegate* delegate, HdRenderParam* renderParam
     if (created && !param.EditCamera(trz_camera_create(param.Session(), id.GetText(), &_id), id)) {
         return;
     }
-    double const open = GetShutterOpen();
-    double const close = GetShutterClose();
     if (created || (bits & DirtyParams)) {
-        GfInterval const shutter = open <= close ? GfInterval(open, close) : GfInterval(open, open);
-        param.SetShutterOf(this, shutter);
+        param.SetShutterOf(this, Shutter());
         param.SampleShutter(delegate->GetRenderIndex());
     }
     if (created || (bits & (DirtyTransform | DirtyParams))) {
@@ -139,8 +143,8 @@ void HdTrapezeCamera::Sync(HdSceneDelegate* delegate, HdRenderParam* renderParam
         desc.f_stop = GetFStop();
         desc.clipping_near = GetClippingRange().GetMin();
         desc.clipping_far = GetClippingRange().GetMax();
-        desc.shutter_open = open;
-        desc.shutter_close = close;
+        desc.shutter_open = GetShutterOpen();
+        desc.shutter_close = GetShutterClose();
         desc.exposure_scale = _ExposureScale(delegate, id, *this);
         std::vector<double> planes;
         for (GfVec4d const& plane : GetClipPlanes()) {

@@ -21,6 +21,10 @@ public:
     /// The session's camera; 0 before the first Sync.
     trz_id Id() const { return _id; }
 
+    /// From open to close, at open where it closes before; no length where it is not finite, of
+    /// which the renderer warns.
+    GfInterval Shutter() const;
+
     /// What its motion was sampled for.
     GfInterval const& Sampled() const { return _sampled; }
 

@@ -57,10 +57,10 @@ std::map<TfToken, _Kind> const& _Kinds() {
     return kinds;
 }
 
-uint32_t _Axis(TfToken const& word, SdfPath const& id) {
+uint32_t _Axis(TfToken const& word, SdfPath const& id, HdTrapezeRenderParam& param) {
     static std::map<TfToken, uint32_t> const words = {
         {TfToken("X"), TRZ_AXIS_X}, {TfToken("Y"), TRZ_AXIS_Y}, {TfToken("Z"), TRZ_AXIS_Z}};
-    return HdTrapezeWord(words, word, TRZ_AXIS_Z, id);
+    return HdTrapezeWord(words, word, TRZ_AXIS_Z, id, param);
 }
 
 } // namespace
@@ -112,7 +112,7 @@ void HdTrapezeImplicit::_SyncShape(HdTrapezePrim const& prim, HdSceneDelegate* d
     trz_implicit desc = {};
     desc.struct_size = sizeof(desc);
     desc.kind = kind.kind;
-    desc.axis = _Axis(schema.Get(TfToken("axis"), TfToken()), id);
+    desc.axis = _Axis(schema.Get(TfToken("axis"), TfToken()), id, param);
     desc.orientation = TRZ_ORIENTATION_RIGHT_HANDED; // Hydra's schemas have no other
     desc.times = sorted.data();
     desc.sizes = sizes.data();

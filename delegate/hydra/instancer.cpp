@@ -301,14 +301,14 @@ void HdTrapezeInstancer::Finalize(HdRenderParam* renderParam) {
 
 void HdTrapezeInstancer::SetPrimPart(SdfPath const& id, trz_id prim, VtIntArray const& instances) {
     std::lock_guard<std::mutex> lock(_mutex);
-    _parts[id] = {instances, prim, nullptr};
+    _parts[id] = {*_lists.insert(instances).first, prim, nullptr};
     _partsChanged = true;
 }
 
 void HdTrapezeInstancer::SetInstancerPart(SdfPath const& id, HdTrapezeInstancer* child,
                                           VtIntArray const& instances) {
     std::lock_guard<std::mutex> lock(_mutex);
-    _parts[id] = {instances, 0, child};
+    _parts[id] = {*_lists.insert(instances).first, 0, child};
     _partsChanged = true;
 }
 
@@ -325,9 +325,10 @@ void HdTrapezeInstancer::RemovePart(SdfPath const& id) {
     _partsChanged = true;
 }
 
-void HdTrapezeInstancer::CommitGroups(HdTrapezeRenderParam& param) {
+bool HdTrapezeInstancer::CommitGroups(HdTrapezeRenderParam& param) {
     SdfPath const& id = GetId();
-    if (_partsChanged) {
+    bool const changed = _partsChanged;
+    if (changed) {
         _partsChanged = false;
         std::map<VtIntArray, _Group, _Less> groups;
         for (auto const& [path, part] : _parts) {
@@ -342,6 +343,10 @@ void HdTrapezeInstancer::CommitGroups(HdTrapezeRenderParam& param) {
             }
         }
         _groups = std::move(groups);
+        _lists.clear();
+        for (auto const& [instances, group] : _groups) {
+            _lists.insert(instances);
+        }
     }
     for (auto& [instances, group] : _groups) {
         if (group.id == 0 &&
@@ -370,6 +375,7 @@ void HdTrapezeInstancer::CommitGroups(HdTrapezeRenderParam& param) {
             _SetValues(group.id, instances, param);
         }
     }
+    return changed;
 }
 
 void HdTrapezeInstancer::_SetValues(trz_id group, VtIntArray const& instances,

@@ -13,6 +13,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <set>
 
 PXR_NAMESPACE_OPEN_SCOPE
 
@@ -40,7 +41,7 @@ public:
 
     /// Makes the session's instancers what the lists and values ask for; then CommitParts of all
     /// instancers links them with their parts. Not during Sync.
-    void CommitGroups(HdTrapezeRenderParam& param);
+    bool CommitGroups(HdTrapezeRenderParam& param);
     void CommitParts(HdTrapezeRenderParam& param);
 
 private:
@@ -82,6 +83,8 @@ private:
     std::mutex _mutex;
     std::map<SdfPath, _Part> _parts;
     bool _partsChanged = true;
+    // One of each list of instances: hosts give every part a copy.
+    std::set<VtIntArray, _Less> _lists;
 
     std::map<VtIntArray, _Group, _Less> _groups;
     // Of what is part of a group: which.

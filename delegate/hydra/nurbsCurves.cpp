@@ -26,7 +26,7 @@ void HdTrapezeNurbsCurves::_SyncShape(HdTrapezePrim const& prim, HdSceneDelegate
         delegate->Get(id, TfToken("pointWeights")).GetWithDefault<VtDoubleArray>();
     trz_nurbs_curves desc = {};
     desc.struct_size = sizeof(desc);
-    desc.form = HdTrapezeCurveForm(delegate, id);
+    desc.form = HdTrapezeCurveForm(delegate, id, param);
     desc.vertex_counts = counts.cdata();
     desc.orders = orders.cdata();
     desc.curve_count = counts.size();

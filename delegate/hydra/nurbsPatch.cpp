@@ -19,8 +19,7 @@ void HdTrapezeNurbsPatch::_SyncShape(HdTrapezePrim const& prim, HdSceneDelegate*
     HdTrapezeSchema const schema(delegate, id, HdDataSourceLocator(t.nurbsPatch));
     HdTrapezeSchema const trim(delegate, id, HdDataSourceLocator(t.nurbsPatch, t.trimCurve));
     if (!trim.Get(TfToken("counts"), VtIntArray()).empty()) {
-        TF_WARN("Trapeze <%s>: trim curves are not supported; it is rendered untrimmed",
-                id.GetText());
+        param.WarnOnce(id, "trim curves are not supported; it is rendered untrimmed");
     }
     VtDoubleArray const uKnots = schema.Get(t.uKnots, VtDoubleArray());
     VtDoubleArray const vKnots = schema.Get(t.vKnots, VtDoubleArray());

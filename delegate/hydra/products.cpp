@@ -41,7 +41,10 @@ std::string _ExpandFrame(std::string const& name, double frame) {
         }
         int digits = 1;
         for (size_t group = 1; group <= 4; ++group) {
-            digits = match.length(group) ? std::stoi(match[group]) : digits;
+            if (match.length(group)) {
+                // No file has more digits than three tell.
+                digits = match.length(group) > 3 ? 64 : std::stoi(match[group]);
+            }
         }
         expanded += TfStringPrintf("%0*lld", std::min(digits, 64),
                                    static_cast<long long>(std::floor(frame)));

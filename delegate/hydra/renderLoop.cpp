@@ -25,7 +25,7 @@ void HdTrapezeRenderLoop::Start(std::vector<Job> jobs) {
         _changed.notify_all();
     }
     if (running) {
-        trz_render_cancel(_session);
+        trz_render_interrupt(_session);
     }
 }
 
@@ -35,7 +35,7 @@ void HdTrapezeRenderLoop::Stop(bool wait) {
         _stopped = true;
         _changed.notify_all();
     }
-    trz_render_cancel(_session);
+    trz_render_interrupt(_session);
     if (wait) {
         std::unique_lock<std::mutex> lock(_mutex);
         _changed.wait(lock, [this] { return !_busy; });

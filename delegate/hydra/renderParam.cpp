@@ -269,8 +269,12 @@ void HdTrapezeRenderParam::CommitInstancers() {
             instancers.push_back(instancer);
         }
     }
+    bool changed = false;
     for (HdTrapezeInstancer* instancer : instancers) {
-        instancer->CommitGroups(*this);
+        changed |= instancer->CommitGroups(*this);
+    }
+    if (!changed) {
+        return;
     }
     for (HdTrapezeInstancer* instancer : instancers) {
         instancer->CommitParts(*this);

@@ -130,8 +130,7 @@ bool HdTrapezeRenderPass::_LacksSamples(HdTrapezeCamera const& camera) {
         _delegate->Param().MarkCameraDirty(index, camera.GetId());
         return true;
     }
-    GfInterval const shutter(camera.GetShutterOpen(),
-                             std::max(camera.GetShutterOpen(), camera.GetShutterClose()));
+    GfInterval const shutter = camera.Shutter();
     if (!shutter.Contains(_delegate->Settings().Shutter()) &&
         _delegate->Param().HasDelegates(index)) {
         _delegate->Param().WarnOnce(

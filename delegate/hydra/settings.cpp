@@ -155,7 +155,7 @@ std::vector<_Setting> const& _Settings() {
          [](V const& v, S* s) {
              return _Word(v, {"auto", "cpu", "gpu"}, TRZ_BACKEND_AUTO, &s->render.backend);
          }},
-        {t.timeCodesPerSecond, "Time codes per second", V(24.0f), false,
+        {t.timeCodesPerSecond, "Time codes per second", V(24.0f), true,
          [](V const& v, S* s) { return _Real(v, 1e-6, 1e6, &s->timeCodesPerSecond); }},
         {t.compression, nullptr, V(), true,
          [](V const& v, S* s) {
@@ -188,7 +188,7 @@ HdTrapezeSettings::HdTrapezeSettings() {
 
 bool HdTrapezeSettingsLayer::Set(TfToken const& key, VtValue const& value, std::string* why) {
     _Setting const* const setting = _Find(key);
-    _values.erase(key);
+    bool const hadOpinion = _values.erase(key) > 0;
     if (!setting || (_owner == Owner::Prim && !setting->isOfPrims)) {
         *why = key.GetString() + " is no setting of this renderer; it is ignored";
         return false;
@@ -202,8 +202,8 @@ bool HdTrapezeSettingsLayer::Set(TfToken const& key, VtValue const& value, std::
                                             : TfStringify(setting->fallback) + " is used");
         return false;
     }
-    // A host that sets a default has no opinion of its own: prims may have one.
-    if (_owner == Owner::Prim || setting->fallback.IsEmpty() ||
+    // A host that begins with a default has no opinion of its own: prims may have one.
+    if (_owner == Owner::Prim || hadOpinion || setting->fallback.IsEmpty() ||
         VtValue::CastToTypeOf(value, setting->fallback) != setting->fallback) {
         _values[key] = value;
     }

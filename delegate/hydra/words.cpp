@@ -1,5 +1,7 @@
 #include "words.h"
 
+#include "renderParam.h"
+
 #include "hdtrapeze.h"
 
 #include "pxr/base/tf/diagnostic.h"
@@ -8,14 +10,13 @@
 PXR_NAMESPACE_OPEN_SCOPE
 
 uint32_t HdTrapezeWord(std::map<TfToken, uint32_t> const& words, TfToken const& word,
-                       uint32_t fallback, SdfPath const& id) {
+                       uint32_t fallback, SdfPath const& id, HdTrapezeRenderParam& param) {
     auto const found = words.find(word);
     if (found != words.end()) {
         return found->second;
     }
     if (!word.IsEmpty()) {
-        TF_WARN("Trapeze <%s>: unknown word %s; USD's fallback is used", id.GetText(),
-                word.GetText());
+        param.WarnOnce(id, "unknown word " + word.GetString() + "; USD's fallback is used");
     }
     return fallback;
 }

@@ -241,6 +241,13 @@ impl Session {
         Ok(ended)
     }
 
+    /// Asks a running commit or render to stop, and does not wait.
+    pub fn interrupt(&self) -> Result<(), Error> {
+        self.shared.check()?;
+        self.shared.request_cancel();
+        Ok(())
+    }
+
     /// Cancels a running commit or render and waits until it has stopped; keeps what was rendered. What
     /// another thread starts meanwhile is not waited for.
     pub fn cancel(&self) -> Result<(), Error> {

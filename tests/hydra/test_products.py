@@ -94,7 +94,7 @@ def test_what_cannot_be_gives_one_warning_and_the_rest_is_written(host, tmp_path
     }
     if host.scene_index:  # else OpenUSD itself has an error
         products["Camera"] = ("c.exr", "rel camera = </World>")
-    paths = ", ".join(f"</Render/{name}>" for name in ["Main", *products])
+    paths = ", ".join(f"</Render/{name}>" for name in ["Main", "Digits", *products])
     over = f"""
         over "Render"
         {{
@@ -107,6 +107,7 @@ def test_what_cannot_be_gives_one_warning_and_the_rest_is_written(host, tmp_path
                 string sourceName = "nonsense"
             }}
             {"".join(product(name, *rest) for name, rest in products.items())}
+            {product("Digits", "a%099999999999d.exr")}
         }}
     """
     ran = host.run(RECORD, scene=SCENES / "products.usda", over=over)
@@ -116,7 +117,9 @@ def test_what_cannot_be_gives_one_warning_and_the_rest_is_written(host, tmp_path
     expected = [*products, "Bad", "Setting"]
     assert sorted(said) == sorted(f"/Render/{name}" for name in expected)
     written = {path.name for path in tmp_path.iterdir() if path.suffix == ".exr"}
-    assert written == {"main.exr", "i.exr", "folder.exr"}
+    digits = {name for name in written if name.startswith("a0")}
+    assert len(digits) == 1 and len(max(digits)) == len("a.exr") + 64
+    assert written - digits == {"main.exr", "i.exr", "folder.exr"}
     assert list(read_exr(tmp_path / "i.exr")) and not list((tmp_path / "folder.exr").iterdir())
 
 

@@ -98,7 +98,7 @@ def test_a_prim_speaks_where_the_host_has_no_opinion(host):
     ran = run(
         host,
         """
-    view.set(samples=64)
+    view = View(stage, "/cam")
     layer = stage.GetSessionLayer()
     assert layer.ImportFromString(prim)
     stage.SetEditTarget(layer)
@@ -119,7 +119,7 @@ def test_a_prim_speaks_where_the_host_has_no_opinion(host):
     """,
         prim=PRIM,
     )
-    expected = {"inactive": 64, "active": 5, "edited": 6, "host": 7, "default": 6, "none": 64}
+    expected = {"inactive": 64, "active": 5, "edited": 6, "host": 7, "default": 64, "none": 64}
     assert ran.told == expected
     texts = sorted(text for path, text in ran.warnings if path == "/Settings")
     assert len(texts) == len(ran.warnings) == 2

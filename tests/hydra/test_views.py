@@ -1,6 +1,8 @@
 """Views that are drawn again and again: blur from the first image on, size, stop, several views in
 one process, views that go while they render, and many of them one after the other."""
 
+import math
+
 import numpy as np
 import pytest
 from driver import record, rgba
@@ -31,10 +33,12 @@ def test_the_first_image_is_blurred(host):
 
 
 @pytest.mark.parametrize(
-    ("open_at", "close_at"), [(-0.1, 0.1), (0, 0.5), (-0.5, 0), (-1, 2), (1, 0)]
+    ("open_at", "close_at"),
+    [(-0.1, 0.1), (0, 0.5), (-0.5, 0), (-1, 2), (1, 0), (math.nan, 0.25), (0, math.inf)],
 )
 def test_shutters(host, open_at, close_at):
-    """Also those that hold no sample; and one that closes before it opens, which does not blur."""
+    """Also those that hold no sample; one that closes before it opens, which does not blur;
+    and those that are no numbers."""
     script = """
     stage = Usd.Stage.Open(scene)
     edit(stage, "/main_cam.shutter:open", open_at)

@@ -109,6 +109,10 @@ TRAPEZE = {
 """trapeze:NAME, the field of Options that it sets, and how its value is read."""
 
 
+HOSTS_TELL = ("timeCodesPerSecond",)
+"""Names that only hosts need which do not know what a stage says."""
+
+
 def image_values(prim: UsdRender.SettingsBase, log: SceneLog, fallbacks: bool = False) -> dict:
     """The image's shape; with `fallbacks` also what the schema says where nothing is authored."""
     return _read(prim, IMAGE, log, fallbacks)
@@ -168,7 +172,7 @@ def _used(prim: Usd.Prim, fallback) -> str:
 
 def _trapeze_values(prim: Usd.Prim, log: SceneLog) -> dict:
     values = {}
-    warn_unknown(prim, TRAPEZE, "setting of this renderer", log)
+    warn_unknown(prim, [*TRAPEZE, *HOSTS_TELL], "setting of this renderer", log)
     for attribute in prim.GetAuthoredPropertiesInNamespace("trapeze"):
         name = attribute.GetName().removeprefix("trapeze:")
         if isinstance(attribute, Usd.Attribute) and name in TRAPEZE:

@@ -1442,6 +1442,12 @@ trz_result trz_render_wait(struct trz_session *session, double seconds, uint32_t
 // Threads: any.
 trz_result trz_render_cancel(struct trz_session *session);
 
+// Asks a running commit or render to stop, as trz_render_cancel does, and does not wait until it has.
+// With none running it does nothing.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_POISONED. Threads: any.
+trz_result trz_render_interrupt(struct trz_session *session);
+
 // Has renders wait with the samples that they have (1), or go on from there (0, as created). AOVs can be
 // read meanwhile. Never waits: tiles that were begun are still rendered. A commit is not held up, and a
 // render that is started during a pause waits before its first sample. trz_render_cancel and edits

@@ -128,6 +128,16 @@ pub unsafe extern "C" fn trz_render_cancel(session: *mut trz_session) -> trz_res
     unsafe { with_session(session, |session| Ok(session.cancel()?)) }
 }
 
+/// Asks a running commit or render to stop, as trz_render_cancel does, and does not wait until it has.
+/// With none running it does nothing.
+///
+/// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_POISONED. Threads: any.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trz_render_interrupt(session: *mut trz_session) -> trz_result {
+    // SAFETY: the caller passes null or a live session.
+    unsafe { with_session(session, |session| Ok(session.interrupt()?)) }
+}
+
 /// Has renders wait with the samples that they have (1), or go on from there (0, as created). AOVs can be
 /// read meanwhile. Never waits: tiles that were begun are still rendered. A commit is not held up, and a
 /// render that is started during a pause waits before its first sample. trz_render_cancel and edits

@@ -151,3 +151,30 @@ fn what_has_begun_ends_with_the_session_and_with_a_cancel() {
     complete(&session, b);
     drop(session);
 }
+
+#[test]
+fn an_interrupt_does_not_wait_for_what_it_ends() {
+    let counter = Counter::default();
+    let session = session(&counter);
+    counter.hold.store(true, Ordering::SeqCst);
+    let a = session.square("/a", 0.0);
+    complete(&session, a);
+    counter.wait_for(1);
+    std::thread::scope(|scope| {
+        let commit = scope.spawn(|| session.commit());
+        while session.progress().state != TRZ_STATE_PREPARING {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        let interrupt = scope.spawn(|| session.interrupt());
+        let begin = std::time::Instant::now();
+        while !interrupt.is_finished() && begin.elapsed() < Duration::from_secs(20) {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        let returned = interrupt.is_finished();
+        counter.hold.store(false, Ordering::SeqCst);
+        assert!(returned, "it waited for the commit");
+        ok(interrupt.join().unwrap());
+        assert_eq!(commit.join().unwrap(), TRZ_ERROR_CANCELLED);
+    });
+    ok(session.commit());
+}

@@ -60,6 +60,7 @@ fn null_session() {
         trz_render_start(s);
         trz_render_wait(s, 0.0, &mut 0);
         trz_render_cancel(s);
+        trz_render_interrupt(s);
         trz_render_pause(s, 0);
         trz_render_progress(s, null_mut());
         trz_statistics_get(s, null_mut());

@@ -204,6 +204,11 @@ impl Session {
         unsafe { trz_render_cancel(self.0) }
     }
 
+    pub fn interrupt(&self) -> trz_result {
+        // SAFETY: a live session.
+        unsafe { trz_render_interrupt(self.0) }
+    }
+
     /// True where nothing runs any more.
     pub fn wait(&self, seconds: f64) -> bool {
         let mut finished = 7;
