@@ -139,6 +139,31 @@ _FloatSamples _Rotations(HdTrapezeSamples<VtValue> const& samples, VtIntArray co
                          realFirst ? std::vector<int>{1, 2, 3, 0} : std::vector<int>{});
 }
 
+// Turning instances do not go through the frame's own matrices on the line between the samples
+// around it: then those are a sample more.
+void _AddFrame(HdSceneDelegate* delegate, SdfPath const& id, HdTrapezeSamples<VtValue>* matrices) {
+    auto& [times, values] = *matrices;
+    size_t const after = std::upper_bound(times.begin(), times.end(), 0.0) - times.begin();
+    if (after == 0 || after == times.size() || times[after - 1] == 0.0) {
+        return;
+    }
+    VtValue const value = delegate->Get(id, HdInstancerTokens->instanceTransforms);
+    auto const now = value.GetWithDefault<VtMatrix4dArray>();
+    auto const first = values[after - 1].GetWithDefault<VtMatrix4dArray>();
+    auto const last = values[after].GetWithDefault<VtMatrix4dArray>();
+    if (now.size() != first.size() || now.size() != last.size()) {
+        return;
+    }
+    double const part = -times[after - 1] / (times[after] - times[after - 1]);
+    for (size_t i = 0; i < now.size(); ++i) {
+        if (!GfIsClose(first[i] * (1.0 - part) + last[i] * part, now[i], 1e-6)) {
+            times.insert(times.begin() + after, 0.0);
+            values.insert(values.begin() + after, value);
+            return;
+        }
+    }
+}
+
 // Instances that are prims of their own may move though hosts give their matrices at the frame
 // alone: then those of the prims, where they are the same at the frame.
 void _AddMotion(HdSceneDelegate* delegate, SdfPath const& id, GfInterval const& shutter,
@@ -271,6 +296,7 @@ void HdTrapezeInstancer::Sync(HdSceneDelegate* delegate, HdRenderParam* renderPa
         auto const matrices = _primvars.find(HdInstancerTokens->instanceTransforms);
         if (matrices != _primvars.end()) {
             _AddMotion(delegate, id, shutter, &matrices->second.samples);
+            _AddFrame(delegate, id, &matrices->second.samples);
         }
         for (auto& [instances, group] : _groups) {
             group.hasValues = false;

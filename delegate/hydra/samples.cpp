@@ -46,6 +46,40 @@ void _AddHeldTimes(HdSceneDelegate* delegate, SdfPath const& computation, GfInte
         _AddHeldTimes(delegate, input.sourceComputationId, shutter, all);
     }
 }
+// Hosts evaluate transforms where something is authored and at the shutter's ends. Where one turns,
+// the frame's own does not lie on the line between two of them: it is a sample more, which a still
+// image shows.
+template <class F>
+HdTrapezeSamples<GfMatrix4d> _WithFrame(HdTrapezeSamples<GfMatrix4d> samples, F&& plain) {
+    constexpr double tolerance = 1e-6; // of the largest number; rounding is far below
+    auto const at = std::upper_bound(samples.times.begin(), samples.times.end(), 0.0);
+    size_t const after = at - samples.times.begin();
+    if (after == 0 || after == samples.times.size() || samples.times[after - 1] == 0.0) {
+        return samples;
+    }
+    double const before = samples.times[after - 1];
+    double const part = -before / (samples.times[after] - before);
+    GfMatrix4d const now = plain();
+    GfMatrix4d const off =
+        samples.values[after - 1] * (1.0 - part) + samples.values[after] * part - now;
+    for (int rows : {0, 3}) { // the linear part, then the translation
+        double error = 0.0;
+        double size = 0.0;
+        for (int row = rows; row < (rows == 0 ? 3 : 4); ++row) {
+            for (int column = 0; column < 3; ++column) {
+                error = std::max(error, std::abs(off[row][column]));
+                size = std::max(size, std::abs(now[row][column]));
+            }
+        }
+        if (error > tolerance * size) {
+            samples.times.insert(samples.times.begin() + after, 0.0);
+            samples.values.insert(samples.values.begin() + after, now);
+            break;
+        }
+    }
+    return samples;
+}
+
 } // namespace
 
 HdTrapezeSamples<GfMatrix4d> HdTrapezeSampleTransform(HdSceneDelegate* delegate, SdfPath const& id,
@@ -53,7 +87,8 @@ HdTrapezeSamples<GfMatrix4d> HdTrapezeSampleTransform(HdSceneDelegate* delegate,
     HdTimeSampleArray<GfMatrix4d, _capacity> samples;
     _Within<(HD_API_VERSION >= 68)>(
         shutter, [&](auto... interval) { delegate->SampleTransform(id, interval..., &samples); });
-    return HdTrapezeSorted(samples, [&] { return delegate->GetTransform(id); });
+    auto const plain = [&] { return delegate->GetTransform(id); };
+    return _WithFrame(HdTrapezeSorted(samples, plain), plain);
 }
 
 HdTrapezeSamples<GfMatrix4d> HdTrapezeSampleInstancerTransform(HdSceneDelegate* delegate,
@@ -63,7 +98,8 @@ HdTrapezeSamples<GfMatrix4d> HdTrapezeSampleInstancerTransform(HdSceneDelegate* 
     _Within<(HD_API_VERSION >= 68)>(shutter, [&](auto... interval) {
         delegate->SampleInstancerTransform(id, interval..., &samples);
     });
-    return HdTrapezeSorted(samples, [&] { return delegate->GetInstancerTransform(id); });
+    auto const plain = [&] { return delegate->GetInstancerTransform(id); };
+    return _WithFrame(HdTrapezeSorted(samples, plain), plain);
 }
 
 HdTrapezeSamples<VtValue> HdTrapezeSamplePrimvar(HdSceneDelegate* delegate, SdfPath const& id,

@@ -224,3 +224,14 @@ def test_images_of_other_aovs(host):
         np.testing.assert_array_equal(ours[name], other[name])
     pairs = set(zip(ours["primId.X"].ravel(), other["primId.X"].ravel(), strict=True))
     assert len(pairs) == 5, "hosts number prims in their own ways, one for one"
+
+
+def test_what_turns_stands_as_at_the_frame(host):
+    """Where the shutter is not used: neither shrunk nor turned, also what is instanced."""
+    script = """
+    view = View(Usd.Stage.Open(scene), "/main_cam", samples=4, disableMotionBlur=True)
+    view.render(2)
+    view.save("view.exr")
+    """
+    ran = host.run(script, scene=SCENES / "turns.usda")
+    assert_alike(ran.image("view.exr"), expected(host, "--no-motion-blur", name="turns"))
