@@ -1,7 +1,9 @@
 #include "commands.h"
 
 #include "pxr/base/tf/diagnostic.h"
+#include "pxr/base/tf/pathUtils.h"
 #include "pxr/base/tf/staticTokens.h"
+#include "pxr/base/tf/stringUtils.h"
 
 #include <fstream>
 #include <vector>
@@ -34,6 +36,10 @@ bool _DumpScene(trz_session* session, std::string const& path) {
 }
 
 bool _SaveImage(trz_session* session, std::string const& path) {
+    if (TfStringToLower(TfGetExtension(path)) != "exr") {
+        TF_WARN("Trapeze: %s must end in .exr", path.c_str());
+        return false;
+    }
     trz_image image = {};
     image.struct_size = sizeof(image);
     image.type = TRZ_IMAGE_EXR;

@@ -143,22 +143,22 @@ _FloatSamples _Rotations(HdTrapezeSamples<VtValue> const& samples, VtIntArray co
 // around it: then those are a sample more.
 void _AddFrame(HdSceneDelegate* delegate, SdfPath const& id, HdTrapezeSamples<VtValue>* matrices) {
     auto& [times, values] = *matrices;
-    size_t const after = std::upper_bound(times.begin(), times.end(), 0.0) - times.begin();
-    if (after == 0 || after == times.size() || times[after - 1] == 0.0) {
+    size_t const slot = HdTrapezeFrameSlot(times);
+    if (slot == 0) {
         return;
     }
     VtValue const value = delegate->Get(id, HdInstancerTokens->instanceTransforms);
     auto const now = value.GetWithDefault<VtMatrix4dArray>();
-    auto const first = values[after - 1].GetWithDefault<VtMatrix4dArray>();
-    auto const last = values[after].GetWithDefault<VtMatrix4dArray>();
+    auto const first = values[slot - 1].GetWithDefault<VtMatrix4dArray>();
+    auto const last = values[slot].GetWithDefault<VtMatrix4dArray>();
     if (now.size() != first.size() || now.size() != last.size()) {
         return;
     }
-    double const part = -times[after - 1] / (times[after] - times[after - 1]);
+    double const part = -times[slot - 1] / (times[slot] - times[slot - 1]);
     for (size_t i = 0; i < now.size(); ++i) {
-        if (!GfIsClose(first[i] * (1.0 - part) + last[i] * part, now[i], 1e-6)) {
-            times.insert(times.begin() + after, 0.0);
-            values.insert(values.begin() + after, value);
+        if (!HdTrapezeIsSame(first[i] + part * (last[i] - first[i]), now[i])) {
+            times.insert(times.begin() + slot, 0.0);
+            values.insert(values.begin() + slot, value);
             return;
         }
     }
@@ -255,6 +255,9 @@ void HdTrapezeInstancer::Sync(HdSceneDelegate* delegate, HdRenderParam* renderPa
         if (HdTrapezeInstancer* instancer = param.FindInstancer(before)) {
             instancer->RemovePart(id);
         }
+        for (auto const& [instances, group] : _groups) {
+            param.Edit(trz_prim_set_instancer(param.Session(), group.id, 0, 0), id);
+        }
     }
     if (!parent.IsEmpty() && (created || HdChangeTracker::IsInstanceIndexDirty(bits, id) ||
                               HdChangeTracker::IsInstancerDirty(bits, id))) {
@@ -344,9 +347,13 @@ void HdTrapezeInstancer::RemovePart(SdfPath const& id) {
     if (found == _parts.end()) {
         return;
     }
-    if (found->second.prim) {
-        _links.erase(found->second.prim);
+    _Part const& part = found->second;
+    if (part.child) {
+        for (auto const& [instances, group] : part.child->_groups) {
+            _links.erase(group.id);
+        }
     }
+    _links.erase(part.prim);
     _parts.erase(found);
     _partsChanged = true;
 }
@@ -437,7 +444,9 @@ void HdTrapezeInstancer::_SetValues(trz_id group, VtIntArray const& instances,
         desc.matrices = {matrices.times.data(), matrices.times.size(), matrixValues.data(),
                          matrices.counts.data()};
     }
-    desc.time_codes_per_second = param.TimeCodesPerSecond();
+    if (!velocities.times.empty() || !accelerations.times.empty() || !turns.times.empty()) {
+        desc.time_codes_per_second = param.TimeCodesPerSecond();
+    }
     param.Edit(trz_instancer_set(param.Session(), group, &desc), id);
     for (auto const& [name, primvar] : _primvars) {
         if (_IsBuiltin(name)) {

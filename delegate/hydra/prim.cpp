@@ -189,7 +189,9 @@ void HdTrapezePrim::_SyncPoints(SdfPath const& id, HdSceneDelegate* delegate,
     desc.counts = p.counts.data();
     desc.velocities = v.View();
     desc.accelerations = a.View();
-    desc.time_codes_per_second = param.TimeCodesPerSecond();
+    if (!v.times.empty() || !a.times.empty()) {
+        desc.time_codes_per_second = param.TimeCodesPerSecond();
+    }
     param.Edit(trz_prim_set_points(param.Session(), _id, &desc), id);
 }
 

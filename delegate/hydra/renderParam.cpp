@@ -14,6 +14,8 @@
 #include "pxr/imaging/hd/tokens.h"
 #include "pxr/imaging/hd/xformSchema.h"
 
+#include <cmath>
+
 PXR_NAMESPACE_OPEN_SCOPE
 
 namespace {
@@ -93,7 +95,7 @@ GfInterval HdTrapezeRenderParam::Shutter() const {
 
 void HdTrapezeRenderParam::SetShutterOf(void const* owner, GfInterval const& shutter) {
     std::lock_guard<std::mutex> lock(_mutex);
-    if (shutter.IsEmpty()) {
+    if (shutter.IsEmpty() || !std::isfinite(shutter.GetSize())) {
         _shutters.erase(owner);
     } else {
         _shutters[owner] = shutter;
@@ -194,11 +196,22 @@ bool HdTrapezeRenderParam::MarkMotionDirty(HdRenderIndex& index, Source source) 
     return _MarkDirty(index, bits, source);
 }
 
-bool HdTrapezeRenderParam::SetTimeCodesPerSecond(double rate, HdRenderIndex& index) {
+bool HdTrapezeRenderParam::SetTimeCodesPerSecond(double rate, bool isTold, HdRenderIndex& index) {
+    _isRateTold = isTold;
     if (!(rate > 0.0) || _timeCodesPerSecond.exchange(rate) == rate) {
         return false;
     }
     return MarkMotionDirty(index, Source::All);
+}
+
+double HdTrapezeRenderParam::TimeCodesPerSecond() {
+    double const rate = _timeCodesPerSecond;
+    if (!_isRateTold && !_saidRate.exchange(true)) {
+        TF_STATUS("Trapeze: this host does not tell the stage's time codes a second; velocities "
+                  "are resolved with %g, or what trapeze:timeCodesPerSecond says",
+                  rate);
+    }
+    return rate;
 }
 
 bool HdTrapezeRenderParam::WantPrimvars(std::set<TfToken> const& names, HdRenderIndex& index) {

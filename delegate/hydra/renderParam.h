@@ -62,7 +62,7 @@ public:
     GfInterval Shutter() const;
 
     /// The shutter of a camera, of the host's settings or a RenderSettings prim; an empty one for
-    /// none. SampleShutter makes it count.
+    /// none, as is one without ends. SampleShutter makes it count.
     void SetShutterOf(void const* owner, GfInterval const& shutter);
 
     /// Marks what moves where more is to be sampled than was and the host heeds it; true then. Not
@@ -82,9 +82,11 @@ public:
     /// Has a camera synced again.
     void MarkCameraDirty(HdRenderIndex& index, SdfPath const& id) const;
 
-    /// Time codes a second, which velocities are resolved with. True where it changed.
-    double TimeCodesPerSecond() const { return _timeCodesPerSecond; }
-    bool SetTimeCodesPerSecond(double rate, HdRenderIndex& index);
+    /// Time codes a second, for velocities that there are. Says once where they are a guess.
+    double TimeCodesPerSecond();
+
+    /// Sets them, and whether the host or a user told them. True where they changed.
+    bool SetTimeCodesPerSecond(double rate, bool isTold, HdRenderIndex& index);
 
     // Primvars -----------------------------------------------------------------------------------
 
@@ -136,6 +138,8 @@ private:
     std::atomic<uint64_t> _visibilityVersion{0};
     std::atomic<int> _lights{0};
     std::atomic<double> _timeCodesPerSecond{24.0};
+    std::atomic<bool> _isRateTold{false};
+    std::atomic<bool> _saidRate{false};
 
     mutable std::mutex _mutex;
     std::unordered_map<void const*, GfInterval> _shutters;

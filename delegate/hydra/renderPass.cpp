@@ -116,10 +116,14 @@ bool HdTrapezeRenderPass::_SampleMotion() {
     HdRenderIndex& index = *GetRenderIndex();
     HdTrapezeRenderParam& param = _delegate->Param();
     HdTrapezeSettings settings;
+    if (auto const* const prim = param.FindRenderSettings(HdTrapezeActiveSettings(index))) {
+        prim->Apply(&settings);
+    }
     _delegate->Settings().Apply(&settings);
-    double const rate = HdTrapezeStageRate(index, settings.timeCodesPerSecond);
+    std::optional<double> const told = HdTrapezeStageRate(index);
+    double const rate = told.value_or(settings.timeCodesPerSecond);
     bool const sampled = param.SampleShutter(index);
-    return param.SetTimeCodesPerSecond(rate, index) || sampled;
+    return param.SetTimeCodesPerSecond(rate, told || settings.isRateTold, index) || sampled;
 }
 
 // Older hosts sample motion for the shutter of one camera of their choice, which is the one that

@@ -139,19 +139,19 @@ SdfPath HdTrapezeActiveSettings(HdRenderIndex const& index) {
     return scene && HdUtils::HasActiveRenderSettingsPrim(scene, &path) ? path : SdfPath();
 }
 
-double HdTrapezeStageRate(HdRenderIndex const& index, double fallback) {
+std::optional<double> HdTrapezeStageRate(HdRenderIndex const& index) {
 #if HD_API_VERSION >= 78
     if (HdSceneIndexBaseRefPtr const scene = index.GetTerminalSceneIndex()) {
         if (auto const source =
                 HdSceneGlobalsSchema::GetFromSceneIndex(scene).GetTimeCodesPerSecond()) {
             double const rate = source->GetTypedValue(0.0f);
-            return rate > 0.0 ? rate : fallback;
+            return rate > 0.0 ? std::optional<double>(rate) : std::nullopt;
         }
     }
 #else
     (void)index;
 #endif
-    return fallback;
+    return std::nullopt;
 }
 
 PXR_NAMESPACE_CLOSE_SCOPE

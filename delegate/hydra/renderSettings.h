@@ -6,6 +6,8 @@
 #include "pxr/imaging/hd/renderSettings.h"
 #include "pxr/pxr.h"
 
+#include <optional>
+
 PXR_NAMESPACE_OPEN_SCOPE
 
 class HdRenderIndex;
@@ -53,8 +55,8 @@ bool HdTrapezeIsInstantaneous(HdRenderIndex const& index, SdfPath const& id);
 /// Path of the active RenderSettings prim; empty for none.
 SdfPath HdTrapezeActiveSettings(HdRenderIndex const& index);
 
-/// Time codes a second of the stage, where the host tells them; else the fallback.
-double HdTrapezeStageRate(HdRenderIndex const& index, double fallback);
+/// Time codes a second of the stage, where the host tells them.
+std::optional<double> HdTrapezeStageRate(HdRenderIndex const& index);
 
 PXR_NAMESPACE_CLOSE_SCOPE
 

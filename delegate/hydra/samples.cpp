@@ -9,6 +9,7 @@
 PXR_NAMESPACE_OPEN_SCOPE
 
 namespace {
+
 // Calls f with the ends of the interval; without them where f takes none: the scene delegate alone
 // knows the shutter up to 24.05, and with ext computations up to 24.08.
 template <bool takesInterval, class F> void _Within(GfInterval const& shutter, F&& f) {
@@ -46,41 +47,41 @@ void _AddHeldTimes(HdSceneDelegate* delegate, SdfPath const& computation, GfInte
         _AddHeldTimes(delegate, input.sourceComputationId, shutter, all);
     }
 }
+
 // Hosts evaluate transforms where something is authored and at the shutter's ends. Where one turns,
 // the frame's own does not lie on the line between two of them: it is a sample more, which a still
 // image shows.
 template <class F>
 HdTrapezeSamples<GfMatrix4d> _WithFrame(HdTrapezeSamples<GfMatrix4d> samples, F&& plain) {
-    constexpr double tolerance = 1e-6; // of the largest number; rounding is far below
-    auto const at = std::upper_bound(samples.times.begin(), samples.times.end(), 0.0);
-    size_t const after = at - samples.times.begin();
-    if (after == 0 || after == samples.times.size() || samples.times[after - 1] == 0.0) {
-        return samples;
-    }
-    double const before = samples.times[after - 1];
-    double const part = -before / (samples.times[after] - before);
-    GfMatrix4d const now = plain();
-    GfMatrix4d const off =
-        samples.values[after - 1] * (1.0 - part) + samples.values[after] * part - now;
-    for (int rows : {0, 3}) { // the linear part, then the translation
-        double error = 0.0;
-        double size = 0.0;
-        for (int row = rows; row < (rows == 0 ? 3 : 4); ++row) {
-            for (int column = 0; column < 3; ++column) {
-                error = std::max(error, std::abs(off[row][column]));
-                size = std::max(size, std::abs(now[row][column]));
-            }
-        }
-        if (error > tolerance * size) {
-            samples.times.insert(samples.times.begin() + after, 0.0);
-            samples.values.insert(samples.values.begin() + after, now);
-            break;
+    if (size_t const slot = HdTrapezeFrameSlot(samples.times)) {
+        GfMatrix4d const now = plain();
+        if (!HdTrapezeIsSame(HdTrapezeAt(samples, 0.0, now), now)) {
+            samples.times.insert(samples.times.begin() + slot, 0.0);
+            samples.values.insert(samples.values.begin() + slot, now);
         }
     }
     return samples;
 }
 
 } // namespace
+
+size_t HdTrapezeFrameSlot(std::vector<double> const& times) {
+    auto const slot = std::lower_bound(times.begin(), times.end(), 0.0);
+    return slot == times.end() || *slot == 0.0 ? 0 : slot - times.begin();
+}
+
+bool HdTrapezeIsSame(GfMatrix4d const& a, GfMatrix4d const& b) {
+    double error[2] = {};
+    double size[2] = {};
+    for (int row = 0; row < 4; ++row) {
+        for (int column = 0; column < 3; ++column) {
+            int const part = row == 3; // translation
+            error[part] = std::max(error[part], std::abs(a[row][column] - b[row][column]));
+            size[part] = std::max(size[part], std::abs(b[row][column]));
+        }
+    }
+    return error[0] <= 1e-6 * size[0] && error[1] <= 1e-6 * size[1];
+}
 
 HdTrapezeSamples<GfMatrix4d> HdTrapezeSampleTransform(HdSceneDelegate* delegate, SdfPath const& id,
                                                       GfInterval const& shutter) {

@@ -61,6 +61,14 @@ T HdTrapezeAt(HdTrapezeSamples<T> const& samples, double time, T const& fallback
     return before + part * (samples.values[after] - before);
 }
 
+/// Where a sample at the frame belongs among those around it; 0 where there is one, or nothing to
+/// lie between.
+size_t HdTrapezeFrameSlot(std::vector<double> const& times);
+
+/// Whether two transforms are the same but for rounding: to a millionth of the largest number of
+/// the linear part, and of the translation.
+bool HdTrapezeIsSame(GfMatrix4d const& a, GfMatrix4d const& b);
+
 /// The transform of a prim, to the space of its instancer's prototype or to the world.
 HdTrapezeSamples<GfMatrix4d> HdTrapezeSampleTransform(HdSceneDelegate* delegate, SdfPath const& id,
                                                       GfInterval const& shutter);
@@ -74,7 +82,7 @@ HdTrapezeSamples<GfMatrix4d> HdTrapezeSampleInstancerTransform(HdSceneDelegate* 
 HdTrapezeSamples<VtValue> HdTrapezeSamplePrimvar(HdSceneDelegate* delegate, SdfPath const& id,
                                                  TfToken const& name, GfInterval const& shutter);
 
-/// The primvars that ext computations give, skinned points above all, of those names.
+/// A primvar that an ext computation gives, skinned points above all.
 HdTrapezeSamples<VtValue>
 HdTrapezeSampleComputed(HdSceneDelegate* delegate,
                         HdExtComputationPrimvarDescriptor const& descriptor,

@@ -156,7 +156,10 @@ std::vector<_Setting> const& _Settings() {
              return _Word(v, {"auto", "cpu", "gpu"}, TRZ_BACKEND_AUTO, &s->render.backend);
          }},
         {t.timeCodesPerSecond, "Time codes per second", V(24.0f), true,
-         [](V const& v, S* s) { return _Real(v, 1e-6, 1e6, &s->timeCodesPerSecond); }},
+         [](V const& v, S* s) {
+             s->isRateTold = true;
+             return _Real(v, 1e-6, 1e6, &s->timeCodesPerSecond);
+         }},
         {t.compression, nullptr, V(), true,
          [](V const& v, S* s) {
              return _Word(v, {"none", "rle", "zips", "zip", "piz"}, TRZ_COMPRESSION_NONE,

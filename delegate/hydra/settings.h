@@ -24,6 +24,8 @@ struct HdTrapezeSettings {
     trz_settings render = {};
     bool cameraLight = true;
     double timeCodesPerSecond = 24.0;
+    /// Whether somebody said so.
+    bool isRateTold = false;
     /// Of files: TRZ_COMPRESSION_*, TRZ_PIXEL_*.
     uint32_t compression = TRZ_COMPRESSION_ZIP;
     uint32_t pixelType = TRZ_PIXEL_HALF;

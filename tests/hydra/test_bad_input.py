@@ -25,6 +25,8 @@ UNTOLD = {
     "prototypes_beyond",
     "unknown_type",
 }
+# No fault of the prim with velocities: of hosts before 25.05.
+GUESS = "this host does not tell the stage's time codes a second"
 # What Hydra cannot say in the same words.
 REWORDED = {
     "lengths_differ": "point samples differ in length within the shutter",
@@ -42,6 +44,7 @@ def test_bad_prims(host, tmp_path, capsys):
     assert good[..., 3].max() == 1.0
     for name in SCENES:
         found = re.findall(r" -- Trapeze(?: <([^>]*)>)?: (.*)", logs[name])
+        found = [(path, text) for path, text in found if path or GUESS not in text]
         assert {path for path, _ in found} <= {"/Bad"}, name
         ours = sorted(re.sub(r" \([\w-]+\)$", "", text) for _, text in found)
         capsys.readouterr()

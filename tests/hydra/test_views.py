@@ -235,3 +235,49 @@ def test_what_turns_stands_as_at_the_frame(host):
     """
     ran = host.run(script, scene=SCENES / "turns.usda")
     assert_alike(ran.image("view.exr"), expected(host, "--no-motion-blur", name="turns"))
+
+
+RATE = """#usda 1.0
+def RenderSettings "Settings"
+{
+    float trapeze:timeCodesPerSecond = 48
+}
+"""
+
+
+@pytest.mark.parametrize("teller", ["prim", "host", "nobody"])
+def test_velocities_of_a_stage_at_another_rate(host, teller):
+    """Hosts before 25.05 do not tell the stage's rate: who knows it can, else the guess is said."""
+    script = """
+    stage = Usd.Stage.Open(scene)
+    stage.GetRootLayer().timeCodesPerSecond = 48
+    stage.GetRootLayer().Export("scene.usda")
+    assert stage.GetSessionLayer().ImportFromString(settings)
+    view = View(stage, "/main_cam", samples=4)
+    if teller == "prim":
+        view.engine.SetActiveRenderSettingsPrimPath("/Settings")
+    if teller == "host":
+        view.set(timeCodesPerSecond=48.0)
+    view.render(2)
+    view.save("view.exr")
+    """
+    ran = host.run(script, scene=SCENES / "motion.usda", settings=RATE, teller=teller)
+    record(host.folder / "scene.usda", host.folder / "record.exr", *FLAGS)
+    ours, other = ran.image("view.exr"), rgba(host.folder / "record.exr")
+    if teller == "nobody":
+        assert ran.log.count("does not tell the stage's time codes a second") == 1
+        assert (np.abs(ours - other) > 0.1).mean() > 0.005
+    else:
+        assert "time codes a second" not in ran.log
+        assert_alike(ours, other)
+
+
+def test_images_are_saved_as_exr_alone(delegate_host):
+    script = """
+    view = View(Usd.Stage.Open(scene), "/main_cam", samples=1)
+    view.render(2)
+    tell(saved=view.engine.InvokeRendererCommand("saveImage", {"path": "view.jpg"}))
+    """
+    ran = delegate_host.run(script, scene=SCENES / "still.usda")
+    assert not ran.told["saved"] and not (ran.folder / "view.jpg").exists()
+    assert "view.jpg must end in .exr" in ran.log

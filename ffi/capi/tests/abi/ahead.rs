@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use hdtrapeze::*;
 use hdtrapeze_core::surface::{
@@ -127,8 +127,8 @@ fn without_a_camera_and_for_removed_prims_it_is_nothing() {
     assert_eq!(counter.made(), 0);
 }
 
-#[test]
-fn what_has_begun_ends_with_the_session_and_with_a_cancel() {
+/// A session whose commit waits in the middle until `hold` is false; calls `during` meanwhile.
+fn while_a_commit_is_held(during: impl FnOnce(&Session, &Counter)) -> Session {
     let counter = Counter::default();
     let session = session(&counter);
     counter.hold.store(true, Ordering::SeqCst);
@@ -140,13 +140,23 @@ fn what_has_begun_ends_with_the_session_and_with_a_cancel() {
         while session.progress().state != TRZ_STATE_PREPARING {
             std::thread::sleep(Duration::from_millis(1));
         }
-        let cancel = scope.spawn(|| session.cancel());
-        std::thread::sleep(Duration::from_millis(50));
-        counter.hold.store(false, Ordering::SeqCst);
+        during(&session, &counter);
         assert_eq!(commit.join().unwrap(), TRZ_ERROR_CANCELLED);
-        ok(cancel.join().unwrap());
     });
     ok(session.commit());
+    session
+}
+
+#[test]
+fn what_has_begun_ends_with_the_session_and_with_a_cancel() {
+    let session = while_a_commit_is_held(|session, counter| {
+        std::thread::scope(|scope| {
+            let cancel = scope.spawn(|| session.cancel());
+            std::thread::sleep(Duration::from_millis(50));
+            counter.hold.store(false, Ordering::SeqCst);
+            ok(cancel.join().unwrap());
+        });
+    });
     let b = session.square("/b", 0.0);
     complete(&session, b);
     drop(session);
@@ -154,27 +164,17 @@ fn what_has_begun_ends_with_the_session_and_with_a_cancel() {
 
 #[test]
 fn an_interrupt_does_not_wait_for_what_it_ends() {
-    let counter = Counter::default();
-    let session = session(&counter);
-    counter.hold.store(true, Ordering::SeqCst);
-    let a = session.square("/a", 0.0);
-    complete(&session, a);
-    counter.wait_for(1);
-    std::thread::scope(|scope| {
-        let commit = scope.spawn(|| session.commit());
-        while session.progress().state != TRZ_STATE_PREPARING {
-            std::thread::sleep(Duration::from_millis(1));
-        }
-        let interrupt = scope.spawn(|| session.interrupt());
-        let begin = std::time::Instant::now();
-        while !interrupt.is_finished() && begin.elapsed() < Duration::from_secs(20) {
-            std::thread::sleep(Duration::from_millis(1));
-        }
-        let returned = interrupt.is_finished();
-        counter.hold.store(false, Ordering::SeqCst);
-        assert!(returned, "it waited for the commit");
-        ok(interrupt.join().unwrap());
-        assert_eq!(commit.join().unwrap(), TRZ_ERROR_CANCELLED);
+    while_a_commit_is_held(|session, counter| {
+        std::thread::scope(|scope| {
+            let interrupt = scope.spawn(|| session.interrupt());
+            let begin = Instant::now();
+            while !interrupt.is_finished() && begin.elapsed() < Duration::from_secs(20) {
+                std::thread::sleep(Duration::from_millis(1));
+            }
+            let returned = interrupt.is_finished();
+            counter.hold.store(false, Ordering::SeqCst);
+            assert!(returned, "it waited for the commit");
+            ok(interrupt.join().unwrap());
+        });
     });
-    ok(session.commit());
 }
