@@ -192,6 +192,24 @@ impl Clusters {
         self.expected[cluster]
     }
 
+    /// The same of some of its faces, at most `most` of them, each for itself, as `input`'s metric sees them.
+    pub fn expected_of_faces(
+        &self,
+        input: &DiceInput<'_>,
+        cluster: usize,
+        most: usize,
+    ) -> Vec<f64> {
+        let faces = self.faces(cluster);
+        let mut sampler = Sampler::new(input.surface, input.path, input.metric);
+        let step = faces.len().div_ceil(most.max(1)).max(1);
+        let of = |&face: &u32| {
+            let corners = usable(input.surface.face_vertices(face)).len();
+            sampler.bind(face);
+            expected(&mut sampler, corners, input.shading_rate)
+        };
+        faces.iter().step_by(step).map(of).collect()
+    }
+
     /// Bytes on the heap.
     pub fn bytes(&self) -> usize {
         let faces = size_of_val(self.faces.as_slice()) + size_of_val(self.first.as_slice());

@@ -10,6 +10,9 @@ use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
+use rayon::prelude::*;
+
+use super::kept::Tally;
 use super::objects::{Context, PlacedSet, PrimObjects};
 use super::prepared::PrepareStatistics;
 use super::shape::Shape;
@@ -29,6 +32,9 @@ const RULE: ClusterRule = ClusterRule {
     most: 32768.0,
 };
 
+/// Faces of a cluster that are looked at to see whether a view asks for more of it.
+const PROBED_FACES: usize = 16;
+
 /// What clusters of a prim are diced from.
 struct Source {
     shape: Arc<dyn Shape>,
@@ -45,10 +51,19 @@ impl Source {
         cancel: &AtomicBool,
         run: impl FnOnce(&DiceInput<'_>) -> R,
     ) -> Option<R> {
+        self.with_metric(&self.metric, cancel, run)
+    }
+
+    fn with_metric<R>(
+        &self,
+        metric: &RasterMetric,
+        cancel: &AtomicBool,
+        run: impl FnOnce(&DiceInput<'_>) -> R,
+    ) -> Option<R> {
         let input = DiceInput {
             surface: self.shape.surface()?,
             path: &self.points,
-            metric: &self.metric,
+            metric,
             shading_rate: self.shading_rate,
             with_normals: true,
             polygons_coarse: true,
@@ -186,6 +201,34 @@ impl OnDemand {
             ..
         } = &*self.work;
         [dice_nanos, build_nanos].map(|nanos| nanos.load(Ordering::Relaxed) as f64 * 1e-9)
+    }
+
+    /// What `metric` asks for of the parts that are still to be diced.
+    pub fn tally(&self, metric: &RasterMetric) -> Tally {
+        let lock = || self.work.source.lock();
+        let Some(source) = lock().unwrap_or_else(PoisonError::into_inner).clone() else {
+            return Tally::default();
+        };
+        let never = AtomicBool::new(false);
+        let expected = |metric: &RasterMetric, cluster: usize| {
+            let of = |input: &DiceInput<'_>| {
+                let clusters = &source.clusters;
+                clusters.expected_of_faces(input, cluster, PROBED_FACES)
+            };
+            source.with_metric(metric, &never, of).unwrap_or_default()
+        };
+        let tally = |cluster: usize| {
+            let [then, now] = [&source.metric, metric].map(|metric| expected(metric, cluster));
+            let faces = then.iter().zip(&now).map(|(&then, &now)| {
+                let stretch = (now / then).sqrt();
+                Tally::of(then, now, [stretch; 2])
+            });
+            faces.fold(Tally::default(), Tally::and)
+        };
+        let deferred = self.clusters.par_iter().enumerate();
+        let unmade = deferred.filter(|(_, deferred)| deferred.made().is_none());
+        let tallies = unmade.map(|(cluster, _)| tally(cluster));
+        tallies.reduce(Tally::default, Tally::and)
     }
 
     /// What went wrong by now.

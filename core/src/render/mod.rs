@@ -10,6 +10,7 @@ mod clusters;
 mod given;
 mod instances;
 mod integrate;
+mod kept;
 mod nests;
 mod objects;
 mod passes;

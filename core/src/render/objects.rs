@@ -12,6 +12,7 @@ use super::chains::Chain;
 use super::clusters::OnDemand;
 use super::given::Given;
 use super::instances::{self, Shared};
+use super::kept::DicedFor;
 use super::primvar_aovs::{PrimPrimvar, PrimPrimvars, asked_of};
 use super::shape::{self, Shape, Target};
 use crate::bvh::ObjectGeometry;
@@ -71,10 +72,14 @@ pub(super) struct PrimObjects {
     pub shape_warnings: Vec<Warning>,
     /// What it was diced to there.
     pub shared: Option<Shared>,
+    /// What it was diced for, where it appears once.
+    pub diced_for: Option<DicedFor>,
     /// What of it is diced on demand.
     pub on_demand: Option<Arc<OnDemand>>,
     /// True where grids were made, and not only taken over.
     pub diced: bool,
+    /// True where it was diced more coarsely than was asked for.
+    pub coarsened: bool,
     pub limit_evaluations: u64,
     /// Checking, surfaces and paths: all that is not dicing or building.
     pub translate_seconds: f64,
@@ -98,8 +103,10 @@ impl PrimObjects {
             warnings: Vec::new(),
             shape_warnings: Vec::new(),
             shared: None,
+            diced_for: None,
             on_demand: None,
             diced: false,
+            coarsened: false,
             limit_evaluations: 0,
             translate_seconds: 0.0,
             dice_seconds: 0.0,
@@ -274,6 +281,9 @@ impl PrimObjects {
         let keys = points.key_times();
         let matrices = (0..keys.len()).map(|k| points.matrix(k).matrix3).collect();
         let winding = Winding::placed(shape.is_left_handed(), keys, matrices);
+        if let Flat::Once(shape) = flat {
+            self.diced_for = Some(DicedFor::new(shape.as_ref(), &points, &metric, context));
+        }
         if let Flat::Once(shape) = flat
             && self.place_clusters(shape, &points, &metric, &winding, context)
         {

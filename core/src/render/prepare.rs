@@ -145,6 +145,10 @@ pub fn prepare_with(
         .map(|(id, prim, chain)| (*id, *prim, chain))
         .collect();
     let same_view = previous.filter(|p| same_dicing(p.shutter, &p.camera_desc, &p.settings, &view));
+    let near_view = previous.filter(|p| {
+        let kept = settings.keep_finer && p.shutter == view.shutter;
+        kept && same_dicing_settings(&p.settings, settings)
+    });
     let same_rates = previous.filter(|p| same_shared_dicing(p, &view));
     let same_primvars = |objects: &PrimObjects, prim: &PrimDesc, chain: &Chain| {
         objects.primvars.fit(prim, chain, &view.primvar_aovs)
@@ -155,14 +159,15 @@ pub fn prepare_with(
         if let Some(new) = new {
             return Some((Arc::clone(&new.objects), Taken::Ahead));
         }
-        let old = same_view?.cache.get(id)?;
+        let old = same_view.or(near_view)?.cache.get(id)?;
         let same = same_geometry(&old.desc, prim) && same_place(&old.desc, prim);
         let same =
             same && same_chain(&old.chain, chain) && same_primvars(&old.objects, prim, chain);
-        same.then(|| (Arc::clone(&old.objects), Taken::Whole))
+        let fits = || same_view.is_some() || (chain.is_empty() && old.objects.fits(&view.camera));
+        (same && fits()).then(|| (Arc::clone(&old.objects), Taken::Whole))
     };
     let found: Vec<Option<(Arc<PrimObjects>, Taken)>> = visible
-        .iter()
+        .par_iter()
         .map(|(id, prim, chain)| taken(id, prim, chain))
         .collect();
     let parts = visible
@@ -435,11 +440,16 @@ pub(super) fn same_dicing(
         && old.resolution == settings.resolution
         && old.pixel_aspect == settings.pixel_aspect
         && old.window_policy == settings.window_policy
-        && old.shading_rate == settings.shading_rate
-        && old.max_micropolygons == settings.max_micropolygons
-        && old.curves == settings.curves
-        && old.occlusion_culling == settings.occlusion_culling
         && old.window() == settings.window()
+        && same_dicing_settings(old, settings)
+}
+
+/// True when the settings that dicing depends on are the same, apart from the view.
+fn same_dicing_settings(old: &RenderSettings, new: &RenderSettings) -> bool {
+    old.shading_rate == new.shading_rate
+        && old.max_micropolygons == new.max_micropolygons
+        && old.curves == new.curves
+        && old.occlusion_culling == new.occlusion_culling
 }
 
 /// True when everything that the dicing of instanced prims depends on, apart from the prims and their

@@ -110,8 +110,9 @@ pub struct RenderSettings {
     pub max_micropolygons: u64,
     /// What curves without normals are rendered as, unless their prim says so itself.
     pub curves: CurveForm,
-    /// Keep the grids of instanced prims that an earlier commit made finer than they are needed now. What
-    /// an edit does not touch is rendered sooner; bits then depend on what was rendered before.
+    /// Keep the grids of an earlier commit where dicing anew would gain little: those of prims that appear once
+    /// while their edges are at most 1.4 times as long as asked for, and no prim's are far finer. What an edit
+    /// does not touch, the camera's too, is rendered sooner; bits then depend on what was rendered before.
     pub keep_finer: bool,
     /// Dice what may be hidden when a ray first comes near it, and not at all where none does. The image
     /// is the same.
@@ -178,7 +179,7 @@ impl Default for RenderSettings {
             time_window: [0.0, 1.0],
             lens_point: None,
             max_micropolygons: 200_000_000,
-            keep_finer: true,
+            keep_finer: false,
             occlusion_culling: true,
             curves: CurveForm::Auto,
             cull: Cull::None,

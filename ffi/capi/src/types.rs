@@ -536,8 +536,9 @@ pub struct trz_settings {
     pub backend: u32,
     /// TRZ_CURVES_*: what curves without normals are rendered as, where their prim does not say.
     pub curves: u32,
-    /// 1: grids of instanced prims that an earlier commit made finer than they are needed now are kept, so
-    /// that edits show sooner; bits then depend on what was rendered before. 0: they do not.
+    /// 1: grids of an earlier commit are kept where dicing anew would gain little: while edges of prims that
+    /// appear once are at most 1.4 times as long as asked for, and none are far finer. A camera that moves then
+    /// shows sooner; bits depend on what was rendered before. 0, the default: they do not.
     pub keep_finer: u32,
     /// TRZ_CULL_*: the sides of meshes, grids, NURBS patches and implicit prims that rays of the image
     /// pass through, as if they were not there. Fronts are as each prim's orientation has them, and

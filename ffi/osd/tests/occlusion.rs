@@ -260,3 +260,34 @@ fn a_prim_near_its_budget_is_diced_at_once() {
     assert_eq!(of(2 * count), (count, 0));
     assert_eq!(of(20 * count), (count, clusters));
 }
+
+#[test]
+fn a_camera_that_moves_keeps_what_rays_have_had_diced() {
+    let mut crowd = with_culling(&crowd(&[DVec3::ZERO], 0.0), true);
+    Arc::make_mut(&mut crowd.settings).keep_finer = true;
+    let first = prepared(&crowd, None);
+    rendered(&first);
+    let closer = |crowd: &mut Scene, by: f64| {
+        let camera = crowd.cameras.values_mut().next().expect("a camera");
+        for level in &mut Arc::make_mut(camera).transform {
+            for matrix in &mut level.matrices {
+                *matrix = glam::DMat4::from_translation(-DVec3::Z * by) * *matrix;
+            }
+        }
+    };
+    closer(&mut crowd, 0.05);
+    let near = prepared(&crowd, Some(&first));
+    let hidden = near.statistics().clusters_culled;
+    let kept = near.statistics();
+    assert_eq!((kept.objects_diced, kept.objects_reused), (0, 7));
+    assert_eq!(kept.micropolygons, first.statistics().micropolygons);
+    // What was hidden may come into view: it is diced as it would have been.
+    let wall = crowd.prims.get_mut(&PrimId(1)).expect("the wall");
+    Arc::make_mut(wall).common.visible = false;
+    let open = prepared(&crowd, Some(&near));
+    rendered(&open);
+    assert!(open.statistics().clusters_culled < hidden);
+    closer(&mut crowd, 12.0);
+    let nearest = prepared(&crowd, Some(&open)).statistics();
+    assert!(nearest.objects_diced >= 5, "{nearest:?}");
+}

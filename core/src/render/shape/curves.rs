@@ -23,6 +23,10 @@ impl Shape for Curves {
         &self.set.curves.points
     }
 
+    fn faces_camera(&self) -> bool {
+        self.set.normals.is_none() && self.form != CurveForm::Tubes
+    }
+
     fn dice(
         &self,
         path: &str,
@@ -63,6 +67,7 @@ pub(super) fn warn_coarsened(path: &str, most: u64, out: &mut PrimObjects) {
     let text = format!(
         "needs more than {most} micropolygons at this shading rate; it is diced more coarsely"
     );
+    out.coarsened = true;
     out.warn(path, Code::Budget, text);
 }
 

@@ -46,6 +46,11 @@ pub(super) trait Shape: Send + Sync {
         None
     }
 
+    /// True where it is shaped to face the camera.
+    fn faces_camera(&self) -> bool {
+        false
+    }
+
     /// The authored face of an element of the surface.
     fn element(&self, element: u32) -> u32 {
         element

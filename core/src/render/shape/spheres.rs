@@ -21,6 +21,10 @@ impl Shape for Spheres {
         &self.0.points
     }
 
+    fn faces_camera(&self) -> bool {
+        true
+    }
+
     fn dice(
         &self,
         path: &str,
