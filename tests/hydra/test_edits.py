@@ -1,5 +1,6 @@
 """An edit touches what it must, and nothing else is synced, diced or rendered again."""
 
+import numpy as np
 from test_agreement import SCENES
 
 START = """
@@ -89,7 +90,7 @@ def test_settings_and_size(host):
         "filter": [0, 1, 0, 6],
         "same": [0, 0, 0, 6],
         "rate": [0, 1, 6, 0],
-        "size": [0, 1, 5, 1],
+        "size": [0, 1, 0, 6],
     }
 
 
@@ -114,6 +115,54 @@ def test_cameras_have_no_prim_synced_again(host):
         "free_moved": [2, 1],
         "from_free": [0, 1],
     }
+
+
+def test_a_camera_that_moves_has_diced_what_needs_it(host):
+    """Objects are the five squares and the prototype, whose instances are near two of them."""
+    told = costs(
+        host,
+        """
+        edit(stage, "/cam.xformOp:translate", Gf.Vec3d(0.1, 0.1, 19.8)); cost("a_little")
+        free(0.1, 0.2, 19.7); cost("another_shutter")
+        free(0.2, 0.1, 19.8); cost("free")
+        free(-1.9, 0.5, 5.0); cost("far")
+        free(-1.9, 0.5, 5.05); cost("back_a_little")
+        """,
+    )
+    assert {name: tuple(cost[1:4]) for name, cost in told.items()} == {
+        "a_little": (1, 0, 6),
+        "another_shutter": (1, 6, 0),
+        "free": (1, 0, 6),
+        "far": (1, 3, 3),
+        "back_a_little": (1, 0, 6),
+    }
+
+
+def test_frames_do_not_depend_on_those_before(host):
+    """Of hosts that are not interactive, such as usdrecord."""
+    ran = host.run(
+        """
+        stage = Usd.Stage.Open(scene)
+        UsdGeom.Sphere.Define(stage, "/Ball").AddTranslateOp().Set(Gf.Vec3d(0, 1, 1))
+        for frame in range(1, 5):
+            edit(stage, "/cam.xformOp:translate", Gf.Vec3d(0, 0, 10 - 0.1 * frame), frame)
+        camera = UsdGeom.Camera(stage.GetPrimAtPath("/cam"))
+
+        def record_all(name, frames):
+            recorder = UsdAppUtils.FrameRecorder(PLUGIN, False)
+            recorder.SetColorCorrectionMode("disabled")
+            recorder.SetImageWidth(96)
+            for frame in frames:
+                assert recorder.Record(stage, camera, Usd.TimeCode(frame), f"{name}.{frame}.exr")
+
+        record_all("all", [1, 2, 3, 4])
+        record_all("back", [4, 3, 2, 1])
+        """,
+        scene=SCENES / "parts.usda",
+    )
+    for frame in (1, 2, 3, 4):
+        images = [ran.image(f"{name}.{frame}.exr") for name in ("all", "back")]
+        np.testing.assert_array_equal(*images, err_msg=str(frame))
 
 
 def test_a_longer_shutter_is_sampled_once(delegate_host):
