@@ -1,5 +1,7 @@
 #include "samples.h"
 
+#include "arcs.h"
+
 #include "pxr/base/gf/matrix3f.h"
 #include "pxr/base/gf/matrix4f.h"
 #include "pxr/base/vt/array.h"
@@ -48,11 +50,15 @@ void _AddHeldTimes(HdSceneDelegate* delegate, SdfPath const& computation, GfInte
     }
 }
 
-// Hosts evaluate transforms where something is authored and at the shutter's ends. Where one turns,
-// the frame's own does not lie on the line between two of them: it is a sample more, which a still
-// image shows.
-template <class F>
-HdTrapezeSamples<GfMatrix4d> _WithFrame(HdTrapezeSamples<GfMatrix4d> samples, F&& plain) {
+// Hosts give transforms where something is authored and at the shutter's ends. Where one turns,
+// more samples follow it. The frame's own may still lie off the line between two of them: it is a
+// sample, too, since a still image shows it.
+template <unsigned int Capacity, class F>
+HdTrapezeSamples<GfMatrix4d>
+_Turning(HdSceneDelegate* delegate, SdfPath const& id, GfInterval const& shutter,
+         HdTimeSampleArray<GfMatrix4d, Capacity> const& given, F&& plain) {
+    HdTrapezeSamples<GfMatrix4d> samples = HdTrapezeSorted(given, plain);
+    HdTrapezeAddArcs(delegate, id, shutter, &samples);
     if (size_t const slot = HdTrapezeFrameSlot(samples.times)) {
         GfMatrix4d const now = plain();
         if (!HdTrapezeIsSame(HdTrapezeAt(samples, 0.0, now), now)) {
@@ -88,8 +94,7 @@ HdTrapezeSamples<GfMatrix4d> HdTrapezeSampleTransform(HdSceneDelegate* delegate,
     HdTimeSampleArray<GfMatrix4d, _capacity> samples;
     _Within<(HD_API_VERSION >= 68)>(
         shutter, [&](auto... interval) { delegate->SampleTransform(id, interval..., &samples); });
-    auto const plain = [&] { return delegate->GetTransform(id); };
-    return _WithFrame(HdTrapezeSorted(samples, plain), plain);
+    return _Turning(delegate, id, shutter, samples, [&] { return delegate->GetTransform(id); });
 }
 
 HdTrapezeSamples<GfMatrix4d> HdTrapezeSampleInstancerTransform(HdSceneDelegate* delegate,
@@ -99,8 +104,8 @@ HdTrapezeSamples<GfMatrix4d> HdTrapezeSampleInstancerTransform(HdSceneDelegate* 
     _Within<(HD_API_VERSION >= 68)>(shutter, [&](auto... interval) {
         delegate->SampleInstancerTransform(id, interval..., &samples);
     });
-    auto const plain = [&] { return delegate->GetInstancerTransform(id); };
-    return _WithFrame(HdTrapezeSorted(samples, plain), plain);
+    return _Turning(delegate, id, shutter, samples,
+                    [&] { return delegate->GetInstancerTransform(id); });
 }
 
 HdTrapezeSamples<VtValue> HdTrapezeSamplePrimvar(HdSceneDelegate* delegate, SdfPath const& id,

@@ -57,6 +57,17 @@ def test_native_instances_that_move(host):
     compare(host, "native")
 
 
+def test_what_turns_goes_along_its_arc(index_host):
+    """By a quarter within the shutter, of one piece and instanced."""
+    compare(index_host, "spins")
+
+
+@pytest.mark.parametrize("camera", ["/main_cam", "/Rig/orbit_cam"])
+def test_orbits(index_host, camera):
+    """Scene indices evaluate where a centre is, too."""
+    compare(index_host, "orbits", camera)
+
+
 @pytest.mark.parametrize(("frame", "choices", "flags"), [
     (1.0, {}, []),
     (2.5, {}, []),
