@@ -8,8 +8,9 @@ use std::sync::atomic::AtomicBool;
 use glam::{DMat4, DVec3, Vec3};
 use hdtrapeze_core::render::{Prepared, prepare};
 use hdtrapeze_core::scene::{
-    CameraDesc, CurvesDesc, Geometry, ImplicitDesc, ImplicitKind, Interpolation, PointsSamples,
-    PrimCommon, PrimDesc, PrimId, PrimvarDesc, RenderSettings, Scene, TransformSamples,
+    CameraDesc, CurvesDesc, Geometry, ImplicitDesc, ImplicitKind, InstanceArrays, InstancerDesc,
+    Interpolation, PointsSamples, PrimCommon, PrimDesc, PrimId, PrimvarDesc, RenderSettings,
+    Samples, Scene, TransformSamples,
 };
 use support::NoSubdivision;
 
@@ -194,4 +195,96 @@ fn other_edits_are_not_passed_over() {
     assert_eq!(with(|s| s.shading_rate = 0.9), (2, 0));
     assert_eq!(with(|s| s.shutter = Some([0.0, 0.5])), (2, 0));
     assert_eq!(with(|s| s.keep_finer = false), (2, 0));
+}
+
+fn show(scene: &mut Scene, id: u64, visible: bool) {
+    let prim = Arc::make_mut(scene.prims.get_mut(&PrimId(id)).unwrap());
+    prim.common.visible = visible;
+}
+
+#[test]
+fn what_is_hidden_is_there_when_it_is_shown_again() {
+    let mut scene = scene(vec![ball("/a", DVec3::ZERO), ball("/b", DVec3::X * 2.5)]);
+    Arc::make_mut(&mut scene.settings).occlusion_culling = false;
+    let first = commit(&scene, None);
+    show(&mut scene, 2, false);
+    let hidden = commit(&scene, Some(&first));
+    assert_eq!(touched(&hidden), (0, 1));
+    let one = hidden.statistics().micropolygons;
+    assert!(one < first.statistics().micropolygons, "it counts nowhere");
+    // Also after more commits, and before a camera that moves meanwhile.
+    look(&mut scene, DVec3::Z * 19.5, DVec3::ZERO);
+    let near = commit(&scene, Some(&hidden));
+    show(&mut scene, 2, true);
+    let shown = commit(&scene, Some(&near));
+    assert_eq!(touched(&shown), (0, 2));
+    let all = first.statistics().micropolygons;
+    assert_eq!(shown.statistics().micropolygons, all);
+}
+
+#[test]
+fn what_is_hidden_is_dropped_where_it_would_not_do() {
+    let mut scene = scene(vec![ball("/a", DVec3::ZERO), ball("/b", DVec3::X * 2.5)]);
+    Arc::make_mut(&mut scene.settings).occlusion_culling = false;
+    let first = commit(&scene, None);
+    show(&mut scene, 2, false);
+    let hidden = commit(&scene, Some(&first));
+    let after = |change: &dyn Fn(&mut Scene)| {
+        let mut scene = scene.clone();
+        change(&mut scene);
+        let meanwhile = commit(&scene, Some(&hidden));
+        look(&mut scene, DVec3::Z * 20.0, DVec3::ZERO);
+        show(&mut scene, 2, true);
+        touched(&commit(&scene, Some(&meanwhile)))
+    };
+    assert_eq!(after(&|_| ()), (0, 2));
+    let to = DVec3::X * 2.5;
+    let near = |scene: &mut Scene| look(scene, to + DVec3::Z * 5.0, to);
+    assert_eq!(after(&near), (1, 1));
+    let smaller = |scene: &mut Scene| {
+        let prim = Arc::make_mut(scene.prims.get_mut(&PrimId(2)).unwrap());
+        let Geometry::Implicit(desc) = &mut prim.geometry else {
+            unreachable!("a ball")
+        };
+        desc.sizes = vec![[0.5, 0.0, 0.0]];
+    };
+    assert_eq!(after(&smaller), (1, 1));
+    let moved = |scene: &mut Scene| {
+        let prim = Arc::make_mut(scene.prims.get_mut(&PrimId(2)).unwrap());
+        prim.common.transform = at(DMat4::from_translation(DVec3::X * 2.4));
+    };
+    assert_eq!(after(&moved), (1, 1));
+    let coarser = |scene: &mut Scene| Arc::make_mut(&mut scene.settings).shading_rate = 2.0;
+    assert_eq!(after(&coarser), (1, 1));
+    let batch = |scene: &mut Scene| Arc::make_mut(&mut scene.settings).keep_finer = false;
+    assert_eq!(after(&batch), (1, 1));
+}
+
+#[test]
+fn a_hidden_instancer_keeps_its_prototype() {
+    const INSTANCER: PrimId = PrimId(50);
+    let mut part = ball("/i/a", DVec3::ZERO);
+    part.common.instancer = Some((INSTANCER, 0));
+    let mut scene = scene(vec![part, ball("/b", DVec3::X * 2.5)]);
+    let mut desc = InstancerDesc::new("/i");
+    desc.arrays = Arc::new(InstanceArrays {
+        instance_count: 3,
+        positions: Samples {
+            times: vec![0.0],
+            values: vec![Arc::new(vec![Vec3::X, Vec3::Y, Vec3::Z])],
+        },
+        ..InstanceArrays::default()
+    });
+    scene.instancers.insert(INSTANCER, Arc::new(desc));
+    let first = commit(&scene, None);
+    let visible = |scene: &mut Scene, previous: &Prepared, visible: bool| {
+        Arc::make_mut(scene.instancers.get_mut(&INSTANCER).unwrap()).visible = visible;
+        commit(scene, Some(previous))
+    };
+    let hidden = visible(&mut scene, &first, false);
+    assert_eq!(touched(&hidden), (0, 1));
+    let shown = visible(&mut scene, &hidden, true);
+    assert_eq!(touched(&shown), (0, 2));
+    assert_eq!(shown.statistics().objects_placed, 0);
+    assert_eq!(shown.statistics().instances, 4);
 }

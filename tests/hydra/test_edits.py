@@ -1,6 +1,8 @@
 """An edit touches what it must, and nothing else is synced, diced or rendered again."""
 
 import numpy as np
+import pytest
+import sdk
 from test_agreement import SCENES
 
 START = """
@@ -58,7 +60,7 @@ def test_scene(host):
         "transform": (1, 1, 5, 0),
         "points": (1, 1, 5, 0),
         "hide": (1, 0, 5, 0),
-        "show": (1, 1, 5, 0),
+        "show": (1, 0, 6, 0),
         "remove": (1, 0, 5, 0),
         "add": (1, 1, 5, 0),
         "instances": (1, 0, 6, 1),
@@ -180,3 +182,50 @@ def test_a_longer_shutter_is_sampled_once(delegate_host):
     )
     assert [told[name][0] for name in ("still", "edited", "again", "blurred_again")] == [0, 1, 0, 0]
     assert told["blurred"][0] > 12 and told["blurred"][1] == 1
+
+
+@pytest.mark.parametrize("excluded", ["", "/B"])
+def test_two_render_passes_of_one_index(delegate_host, excluded):
+    """Each shows its own collection elsewhere; here the last one counts, and neither starts the
+    other's render again."""
+    script = """
+    import ctypes
+
+    two_passes = ctypes.CDLL(library).two_passes
+    tell(renders=[two_passes(scene.encode(), b"/cam", excluded.encode(), n) for n in (10, 60)])
+    """
+    given = {"library": sdk.PROBE, "scene": SCENES / "parts.usda", "excluded": excluded}
+    ran = delegate_host.run(script, **given)
+    few, many = ran.told["renders"]
+    assert 0 < few == many < 5
+    texts = [text for _, text in ran.warnings]
+    assert len(texts) == 2 * bool(excluded)
+    assert all("different collections" in text for text in texts)
+
+
+def test_materials_are_no_edits(host):
+    """Hosts hear that there are materials here, and nothing has to be done for theirs."""
+    ran = host.run(
+        """
+        from pxr import UsdShade
+
+        stage = Usd.Stage.Open(scene)
+        material = UsdShade.Material.Define(stage, "/Paint")
+        shader = UsdShade.Shader.Define(stage, "/Paint/Surface")
+        shader.CreateIdAttr("UsdPreviewSurface")
+        color = shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f)
+        color.Set(Gf.Vec3f(1, 0, 0))
+        material.CreateSurfaceOutput().ConnectToSource(shader.ConnectableAPI(), "surface")
+        UsdShade.MaterialBindingAPI.Apply(stage.GetPrimAtPath("/A")).Bind(material)
+        view = View(stage, "/cam", samples=2)
+        view.render()
+        before = view.stats()
+        color.Set(Gf.Vec3f(0, 1, 0))
+        view.render()
+        tell(edits=view.stats()["edits"] - before["edits"], diced=view.stats()["objectsDiced"])
+        """,
+        scene=SCENES / "parts.usda",
+    )
+    assert "Warning" not in ran.log
+    # OpenUSD's scene delegate has the prim synced again all the same.
+    assert ran.told == {"edits": 0 if host.scene_index else 2, "diced": 6}

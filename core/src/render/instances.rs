@@ -4,6 +4,7 @@
 //! pieces their path needs. Then the prim is diced as finely as the nearest placement asks for, and each
 //! class becomes one set. Placements that rays cannot be carried through are flattened one by one.
 
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
 
 use glam::DAffine3;
@@ -109,11 +110,14 @@ impl PrimObjects {
                 shared
             }
         };
-        let paths = Paths::new(placements, shared.bounds, context.camera);
+        let paths = Paths::new(placements, shared.bounds, context.camera, context.cancel);
         let Some((classes, pixels)) = paths.classify() else {
             let why = format!("no memory for {} instances", placements.count());
             return self.drop_prim(path, Code::Budget, &why);
         };
+        if context.cancel.load(Ordering::Relaxed) {
+            return;
+        }
         let is = |wanted: Class| move |class: &&Class| **class == wanted;
         let lost = classes.iter().filter(is(Class::LOST)).count();
         let alone = classes.iter().filter(is(Class::ALONE)).count();
@@ -226,8 +230,9 @@ pub(super) fn largest_pixels(
     placements: &Placements,
     bounds: &ObjectBounds,
     camera: &Camera,
+    cancel: &AtomicBool,
 ) -> f64 {
-    let paths = Paths::new(placements, *bounds, camera);
+    let paths = Paths::new(placements, *bounds, camera, cancel);
     paths.classify().map_or(0.0, |(_, pixels)| pixels)
 }
 
@@ -240,7 +245,8 @@ fn quantized(pixels: f64) -> f64 {
     }
 }
 
-/// Paths of all placements, at the times that matter.
+/// Paths of all placements, at the times that matter. Once `cancel` is raised, none is followed: what comes of
+/// them then is of no use.
 struct Paths<'a> {
     placements: &'a Placements,
     bounds: ObjectBounds,
@@ -252,10 +258,16 @@ struct Paths<'a> {
     probes: Moments<'a>,
     /// At the key times, halved this many times.
     halved: Vec<OnceLock<Moments<'a>>>,
+    cancel: &'a AtomicBool,
 }
 
 impl<'a> Paths<'a> {
-    fn new(placements: &'a Placements, bounds: ObjectBounds, camera: &Camera) -> Self {
+    fn new(
+        placements: &'a Placements,
+        bounds: ObjectBounds,
+        camera: &Camera,
+        cancel: &'a AtomicBool,
+    ) -> Self {
         let keys = placements.key_times();
         let bends = keys.len() > 1 && placements.bends();
         let mut times = keys.clone();
@@ -274,6 +286,7 @@ impl<'a> Paths<'a> {
             probes: placements.at(&times),
             halved: (0..=MAX_DEPTH).map(|_| OnceLock::new()).collect(),
             keys,
+            cancel,
         }
     }
 
@@ -293,6 +306,9 @@ impl<'a> Paths<'a> {
             .par_chunks_mut(CHUNK)
             .enumerate()
             .map(|(chunk, classes)| {
+                if self.cancel.load(Ordering::Relaxed) {
+                    return 0.0;
+                }
                 let mut walker = self.probes.walker();
                 let mut most = 0.0f64;
                 for (i, class) in classes.iter_mut().enumerate() {
@@ -452,14 +468,16 @@ impl<'a> Paths<'a> {
                     out[0] = Shift::new(m[0].translation, origin, id(n));
                 };
                 let moments = self.placements.at(&self.keys[..1]);
-                InstanceSet::translated(object, fill(class, classes, count, 1, &moments, shift)?)
+                let shifts = self.fill(class, classes, count, 1, &moments, shift)?;
+                InstanceSet::translated(object, shifts)
             }
             Class::FIXED => {
                 let fixed = |n, m: &[DAffine3], out: &mut [Record]| {
                     out[0] = Record::fixed(&m[0], origin, id(n));
                 };
                 let moments = self.placements.at(&self.keys[..1]);
-                InstanceSet::fixed(object, fill(class, classes, count, 1, &moments, fixed)?)
+                let records = self.fill(class, classes, count, 1, &moments, fixed)?;
+                InstanceSet::fixed(object, records)
             }
             Class(moving) => {
                 let depth = moving - Class::MOVING.0;
@@ -470,43 +488,47 @@ impl<'a> Paths<'a> {
                     }
                 };
                 let width = times.len();
-                let records = fill(class, classes, count, width, self.halved(depth), keys)?;
+                let records = self.fill(class, classes, count, width, self.halved(depth), keys)?;
                 let times = times.iter().map(|&t| t as f32).collect();
                 InstanceSet::moving(object, times, records)
             }
         })
     }
-}
 
-/// Calls `make(number, matrices, out)` for every placement of `class`, with `width` places to fill.
-fn fill<T: Default + Clone + Send>(
-    class: Class,
-    classes: &[Class],
-    count: usize,
-    width: usize,
-    moments: &Moments<'_>,
-    make: impl Fn(u64, &[DAffine3], &mut [T]) + Sync,
-) -> Option<Vec<T>> {
-    let mut all = Vec::new();
-    all.try_reserve_exact(count.checked_mul(width)?).ok()?;
-    all.resize(count * width, T::default());
-    let mut parts = Vec::with_capacity(classes.len().div_ceil(CHUNK));
-    let mut rest = all.as_mut_slice();
-    for (chunk, classes) in classes.chunks(CHUNK).enumerate() {
-        let here = classes.iter().filter(|&&c| c == class).count();
-        let (part, others) = rest.split_at_mut(here * width);
-        rest = others;
-        parts.push((chunk * CHUNK, classes, part));
-    }
-    parts.into_par_iter().for_each(|(first, classes, part)| {
-        let mut walker = moments.walker();
-        let numbers = classes.iter().enumerate().filter(|(_, c)| **c == class);
-        for ((i, _), out) in numbers.zip(part.chunks_exact_mut(width)) {
-            let number = (first + i) as u64;
-            make(number, walker.matrices(number), out);
+    /// Calls `make(number, matrices, out)` for every placement of `class`, with `width` places to fill.
+    fn fill<T: Default + Clone + Send>(
+        &self,
+        class: Class,
+        classes: &[Class],
+        count: usize,
+        width: usize,
+        moments: &Moments<'_>,
+        make: impl Fn(u64, &[DAffine3], &mut [T]) + Sync,
+    ) -> Option<Vec<T>> {
+        let mut all = Vec::new();
+        all.try_reserve_exact(count.checked_mul(width)?).ok()?;
+        all.resize(count * width, T::default());
+        let mut parts = Vec::with_capacity(classes.len().div_ceil(CHUNK));
+        let mut rest = all.as_mut_slice();
+        for (chunk, classes) in classes.chunks(CHUNK).enumerate() {
+            let here = classes.iter().filter(|&&c| c == class).count();
+            let (part, others) = rest.split_at_mut(here * width);
+            rest = others;
+            parts.push((chunk * CHUNK, classes, part));
         }
-    });
-    Some(all)
+        parts.into_par_iter().for_each(|(first, classes, part)| {
+            if self.cancel.load(Ordering::Relaxed) {
+                return;
+            }
+            let mut walker = moments.walker();
+            let numbers = classes.iter().enumerate().filter(|(_, c)| **c == class);
+            for ((i, _), out) in numbers.zip(part.chunks_exact_mut(width)) {
+                let number = (first + i) as u64;
+                make(number, walker.matrices(number), out);
+            }
+        });
+        Some(all)
+    }
 }
 
 /// The quarters of each segment between `times`.
@@ -514,3 +536,7 @@ fn quarters(times: &[f64]) -> Vec<f64> {
     let of = |w: &[f64]| [0.25, 0.5, 0.75].map(|f| w[0] + (w[1] - w[0]) * f);
     times.windows(2).flat_map(of).collect()
 }
+
+#[cfg(test)]
+#[path = "instances_tests.rs"]
+mod tests;

@@ -10,7 +10,8 @@
 //! ray has asked for, faces are counted as [`Clusters::expected`](crate::dice::Clusters::expected) counts them.
 //! Shapes that face the camera stay while they would turn by no more than [`LARGEST_TURN`].
 //!
-//! A prim stays as a whole or not at all, so its parts meet without cracks.
+//! A prim stays as a whole or not at all, so its parts meet without cracks. What is hidden stays by the same
+//! rules, until its geometry is edited or it is removed: the price of showing it again at once is its memory.
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;

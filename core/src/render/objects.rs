@@ -151,9 +151,7 @@ fn translate(
         return out;
     }
     let tolerance = |bounds: &ObjectBounds| {
-        let pixels = places
-            .as_ref()
-            .map_or(0.0, |p| p.pixels(context.camera, bounds));
+        let pixels = places.as_ref().map_or(0.0, |p| p.pixels(context, bounds));
         CHORD_TOLERANCE / pixels
     };
     let context = &Context {
@@ -214,7 +212,8 @@ impl Places {
     }
 
     /// Pixels per object-space unit where the prim is largest over the shutter.
-    fn pixels(&self, camera: &Camera, bounds: &ObjectBounds) -> f64 {
+    fn pixels(&self, context: &Context<'_>, bounds: &ObjectBounds) -> f64 {
+        let camera = context.camera;
         match self {
             Self::One(hierarchy) => {
                 let keys = hierarchy.key_times();
@@ -224,7 +223,9 @@ impl Places {
                 });
                 pixels.fold(0.0f64, f64::max)
             }
-            Self::Many(placements) => instances::largest_pixels(placements, bounds, camera),
+            Self::Many(placements) => {
+                instances::largest_pixels(placements, bounds, camera, context.cancel)
+            }
         }
     }
 }

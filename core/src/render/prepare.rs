@@ -139,7 +139,7 @@ pub fn prepare_with(
     let mut aovs = resolve_aovs(settings, &mut warnings);
 
     let ahead = ahead.map(|ahead| ahead.take_for(&view)).unwrap_or_default();
-    let places = find_places(scene, &mut warnings);
+    let (places, hidden) = find_places(scene, &mut warnings);
     let visible: Vec<(&PrimId, &Arc<PrimDesc>, &Chain)> = places
         .iter()
         .map(|(id, prim, chain)| (*id, *prim, chain))
@@ -280,6 +280,16 @@ pub fn prepare_with(
         });
     }
     drop(instancers);
+    if settings.keep_finer {
+        // Shown again, they are as they were.
+        let kept = hidden.par_iter().filter_map(|(id, prim)| {
+            let old = same_view.or(near_view)?.cache.get(id)?;
+            let near = || old.chain.is_empty() && old.objects.fits(&view.camera);
+            let stays = same_geometry(&old.desc, prim) && (same_view.is_some() || near());
+            stays.then(|| (**id, old.clone()))
+        });
+        cache.extend(kept.collect::<Vec<_>>());
+    }
     let primvar_aovs = primvar_aovs::assign(&view.primvar_aovs, &mut prims, &mut warnings);
     aovs.extend(primvar_aovs.iter().cloned().map(Aov::Primvar));
     let (world, sets) = place(&prims, &view.camera, &mut statistics)?;
@@ -405,26 +415,34 @@ enum Taken {
     LeftOut,
 }
 
-/// Prims that are visible, with their instancers, in the order of their paths; warns of those that have
-/// no place.
+/// A prim with the instancers that it is part of.
+type Placed<'a> = (&'a PrimId, &'a Arc<PrimDesc>, Chain);
+
+/// Prims that are visible, with their instancers, in the order of their paths; and those that are not. Warns
+/// of those that have no place.
 ///
 /// Where surfaces lie on one another the first one is seen, and hosts may create prims in any order.
 fn find_places<'a>(
     scene: &'a Scene,
     warnings: &mut Vec<Warning>,
-) -> Vec<(&'a PrimId, &'a Arc<PrimDesc>, Chain)> {
+) -> (Vec<Placed<'a>>, Vec<(&'a PrimId, &'a Arc<PrimDesc>)>) {
     let mut found = Vec::with_capacity(scene.prims.len());
+    let mut hidden = Vec::new();
     let mut broken = Vec::new();
-    for (id, prim) in scene.prims.iter().filter(|(_, p)| p.common.visible) {
+    for (id, prim) in &scene.prims {
+        if !prim.common.visible {
+            hidden.push((id, prim));
+            continue;
+        }
         match chains::chain(scene, prim) {
             Ok(chain) if chain.iter().all(|i| i.visible) => found.push((id, prim, chain)),
-            Ok(_) => {}
+            Ok(_) => hidden.push((id, prim)),
             Err(why) => broken.push((&**prim, why)),
         }
     }
     chains::warn_of(&broken, scene, warnings);
     found.sort_by(|a, b| a.1.common.path.cmp(&b.1.common.path));
-    found
+    (found, hidden)
 }
 
 /// True when everything that dicing and paths depend on, apart from the prims, is that of `view`.

@@ -112,7 +112,8 @@ pub struct RenderSettings {
     pub curves: CurveForm,
     /// Keep the grids of an earlier commit where dicing anew would gain little: those of prims that appear once
     /// while their edges are at most 1.4 times as long as asked for, and no prim's are far finer. What an edit
-    /// does not touch, the camera's too, is rendered sooner; bits then depend on what was rendered before.
+    /// does not touch, the camera's too, is rendered sooner; bits then depend on what was rendered before. Those
+    /// of hidden prims stay, too, for when they are shown again, and take their memory meanwhile.
     pub keep_finer: bool,
     /// Dice what may be hidden when a ray first comes near it, and not at all where none does. The image
     /// is the same.

@@ -878,7 +878,8 @@ typedef struct trz_settings {
   uint32_t curves;
   // 1: grids of an earlier commit are kept where dicing anew would gain little: while edges of prims that
   // appear once are at most 1.4 times as long as asked for, and none are far finer. A camera that moves then
-  // shows sooner; bits depend on what was rendered before. 0, the default: they do not.
+  // shows sooner; bits depend on what was rendered before. Grids of hidden prims stay in memory, too, for
+  // when they are shown again. 0, the default: neither.
   uint32_t keep_finer;
   // TRZ_CULL_*: the sides of meshes, grids, NURBS patches and implicit prims that rays of the image
   // pass through, as if they were not there. Fronts are as each prim's orientation has them, and
