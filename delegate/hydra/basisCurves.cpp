@@ -48,6 +48,19 @@ uint32_t HdTrapezeCurveForm(HdSceneDelegate* delegate, SdfPath const& id,
     return HdTrapezeWord(words, word, TRZ_CURVES_DEFAULT, id, param);
 }
 
+// The bounds and axes that stand for a model have indices; authored curves have none.
+void HdTrapezeBasisCurves::_SyncIndices(HdTrapezePrim* prim, HdSceneDelegate* delegate,
+                                        HdDirtyBits* bits) {
+    if (!(*bits & HdChangeTracker::DirtyTopology)) {
+        return;
+    }
+    VtIntArray const indices = GetBasisCurvesTopology(delegate).GetCurveIndices();
+    if (indices != prim->Indices()) {
+        prim->SetIndices(indices);
+        *bits |= HdChangeTracker::DirtyPoints | HdChangeTracker::DirtyPrimvar;
+    }
+}
+
 void HdTrapezeBasisCurves::_SyncShape(HdTrapezePrim const& prim, HdSceneDelegate* delegate,
                                       HdTrapezeRenderParam& param, HdDirtyBits bits) {
     SdfPath const& id = GetId();
@@ -63,12 +76,6 @@ void HdTrapezeBasisCurves::_SyncShape(HdTrapezePrim const& prim, HdSceneDelegate
             points += std::max(count, 0);
         }
         counts.assign(points / 2, 2);
-    }
-    if (topology.HasIndices()) {
-        param.WarnOnce(id,
-                       "curves with indices, such as the bounds that stand for a model, are not "
-                       "supported; they are left out");
-        counts.clear();
     }
     trz_curves desc = {};
     desc.struct_size = sizeof(desc);

@@ -15,6 +15,7 @@ public:
         : HdTrapezeRprim(id, trz_curves_create, HdTrapezePrim::Points::Yes) {}
 
 private:
+    void _SyncIndices(HdTrapezePrim* prim, HdSceneDelegate* delegate, HdDirtyBits* bits) override;
     void _SyncShape(HdTrapezePrim const& prim, HdSceneDelegate* delegate,
                     HdTrapezeRenderParam& param, HdDirtyBits bits) override;
 };

@@ -1,109 +1,18 @@
 #include "instancer.h"
 
-#include "numbers.h"
 #include "primvars.h"
 #include "schema.h"
+#include "selection.h"
 
 #include "pxr/imaging/hd/renderIndex.h"
 #include "pxr/imaging/hd/sceneDelegate.h"
 #include "pxr/imaging/hd/tokens.h"
-
-#include <cstring>
 
 PXR_NAMESPACE_OPEN_SCOPE
 
 namespace {
 
 TF_DEFINE_PRIVATE_TOKENS(_tokens, (angularVelocities));
-
-// The values of some instances, at several times, packed one after the other.
-class _Selection {
-public:
-    // Samples of fewer values than the instances ask for are filled up with zeros where they begin,
-    // and left out where they have nothing. `width` 0 takes numbers of any width.
-    _Selection(HdTrapezeSamples<VtValue> const& samples, VtIntArray const& instances,
-               uint32_t width = 0) {
-        for (size_t i = 0; i < samples.values.size(); ++i) {
-            HdTrapezeNumbers numbers;
-            if (!HdTrapezeNumbers::View(samples.values[i], &numbers) || !numbers.isArray ||
-                (width != 0 && numbers.width != width) ||
-                (!_data.empty() && (numbers.type != type || numbers.width != this->width))) {
-                continue;
-            }
-            type = numbers.type;
-            this->width = numbers.width;
-            size_t const size = _SizeOf(numbers.type) * numbers.width;
-            std::vector<char> packed(instances.size() * size);
-            size_t written = 0;
-            for (int instance : instances) {
-                if (instance >= 0 && static_cast<size_t>(instance) < numbers.count) {
-                    std::memcpy(packed.data() + written * size,
-                                static_cast<char const*>(numbers.data) + instance * size, size);
-                    ++written;
-                }
-            }
-            // A sample that lacks instances keeps its own number of values: the renderer says so.
-            times.push_back(samples.times[i]);
-            counts.push_back(written);
-            _data.push_back(std::move(packed));
-        }
-        for (auto const& packed : _data) {
-            values.push_back(packed.data());
-        }
-    }
-
-    // As floats, whatever the type was; with the elements' numbers in another order where one is
-    // given.
-    std::vector<std::vector<float>> Floats(std::vector<int> const& order = {}) const {
-        std::vector<std::vector<float>> all;
-        for (size_t i = 0; i < _data.size(); ++i) {
-            std::vector<float> floats(counts[i] * width);
-            for (size_t k = 0; k < floats.size(); ++k) {
-                size_t const from = order.empty() ? k : k / width * width + order[k % width];
-                floats[k] = _Float(_data[i].data(), from);
-            }
-            all.push_back(std::move(floats));
-        }
-        return all;
-    }
-
-    uint32_t type = 0;
-    uint32_t width = 0;
-    std::vector<double> times;
-    std::vector<size_t> counts;
-    std::vector<void const*> values;
-
-private:
-    static size_t _SizeOf(uint32_t type) {
-        switch (type) {
-        case TRZ_NUMBERS_FLOAT64:
-        case TRZ_NUMBERS_INT64:
-        case TRZ_NUMBERS_UINT64:
-            return 8;
-        case TRZ_NUMBERS_FLOAT16:
-            return 2;
-        case TRZ_NUMBERS_UINT8:
-            return 1;
-        default:
-            return 4;
-        }
-    }
-
-    float _Float(void const* data, size_t i) const {
-        switch (type) {
-        case TRZ_NUMBERS_FLOAT32:
-            return static_cast<float const*>(data)[i];
-        case TRZ_NUMBERS_FLOAT64:
-            return static_cast<float>(static_cast<double const*>(data)[i]);
-        case TRZ_NUMBERS_FLOAT16:
-            return static_cast<GfHalf const*>(data)[i];
-        default:
-            return 0.0f;
-        }
-    }
-
-    std::vector<std::vector<char>> _data;
-};
 
 // Floats at several times, as the C ABI takes them.
 struct _FloatSamples {
@@ -115,7 +24,7 @@ struct _FloatSamples {
     _FloatSamples() = default;
     _FloatSamples(HdTrapezeSamples<VtValue> const& samples, VtIntArray const& instances,
                   uint32_t width, std::vector<int> const& order = {}) {
-        _Selection const selection(samples, instances, width);
+        HdTrapezeSelection const selection(samples, instances, width);
         times = selection.times;
         counts = selection.counts;
         floats = selection.Floats(order);
@@ -283,7 +192,8 @@ void HdTrapezeInstancer::Sync(HdSceneDelegate* delegate, HdRenderParam* renderPa
             if (_IsBuiltin(primvar.name) || HdTrapezePrimvars::IsNeeded(primvar.name) ||
                 wanted.count(primvar.name)) {
                 _primvars[primvar.name] = {
-                    HdTrapezeSamplePrimvar(delegate, id, primvar.name, shutter), primvar.role};
+                    HdTrapezeSamplePrimvar(delegate, id, primvar.name, shutter), primvar.role,
+                    HdTrapezePrimvars::ElementSize(primvar)};
             }
         }
         bool changes = false;
@@ -301,6 +211,7 @@ void HdTrapezeInstancer::Sync(HdSceneDelegate* delegate, HdRenderParam* renderPa
             _AddMotion(delegate, id, shutter, &matrices->second.samples);
             _AddFrame(delegate, id, &matrices->second.samples);
         }
+        _CheckLengths(param);
         for (auto& [instances, group] : _groups) {
             group.hasValues = false;
         }
@@ -312,6 +223,30 @@ void HdTrapezeInstancer::Sync(HdSceneDelegate* delegate, HdRenderParam* renderPa
         }
     }
     *dirtyBits &= ~HdChangeTracker::AllSceneDirtyBits;
+}
+
+// Of values that are more than there are instances it cannot be told whose they are: hosts before
+// 26.08 do not say it where an instance has several.
+void HdTrapezeInstancer::_CheckLengths(HdTrapezeRenderParam& param) {
+    size_t instances = 0;
+    for (TfToken const& name :
+         {HdInstancerTokens->instanceTranslations, HdInstancerTokens->instanceTransforms}) {
+        auto const found = _primvars.find(name);
+        if (found != _primvars.end() && !found->second.samples.values.empty()) {
+            instances = std::max(instances, found->second.samples.values[0].GetArraySize());
+        }
+    }
+    for (auto& [name, primvar] : _primvars) {
+        auto& samples = primvar.samples;
+        size_t const values = samples.values.empty() ? 0 : samples.values[0].GetArraySize();
+        size_t const most = instances * std::max(primvar.elementSize, 1);
+        if (most > 0 && values > most && !_IsBuiltin(name)) {
+            param.WarnOnce(GetId(), TfStringPrintf("primvar %s has %zu values where its instancer "
+                                                   "has %zu instances; it is ignored",
+                                                   name.GetText(), values, instances));
+            samples = {};
+        }
+    }
 }
 
 void HdTrapezeInstancer::Finalize(HdRenderParam* renderParam) {
@@ -425,7 +360,7 @@ void HdTrapezeInstancer::_SetValues(trz_id group, VtIntArray const& instances,
     _FloatSamples const velocities(get(HdTokens->velocities), instances, 3);
     _FloatSamples const accelerations(get(HdTokens->accelerations), instances, 3);
     _FloatSamples const turns(get(_tokens->angularVelocities), instances, 3);
-    _Selection const matrices(get(HdInstancerTokens->instanceTransforms), instances, 16);
+    HdTrapezeSelection const matrices(get(HdInstancerTokens->instanceTransforms), instances, 16);
     std::vector<double const*> matrixValues;
     for (void const* values : matrices.values) {
         matrixValues.push_back(static_cast<double const*>(values));
@@ -452,14 +387,14 @@ void HdTrapezeInstancer::_SetValues(trz_id group, VtIntArray const& instances,
         if (_IsBuiltin(name)) {
             continue;
         }
-        _Selection const values(primvar.samples, instances);
+        HdTrapezeSelection const values(primvar.samples, instances, 0, primvar.elementSize);
         trz_primvar var = {};
         var.struct_size = sizeof(var);
         var.interpolation = TRZ_INTERPOLATION_VERTEX;
         var.type = values.type;
         var.role = primvar.role == HdPrimvarRoleTokens->color ? TRZ_ROLE_COLOR : TRZ_ROLE_NONE;
         var.width = values.width;
-        var.element_size = 1;
+        var.element_size = primvar.elementSize;
         var.unauthored_index = -1;
         var.times = values.times.data();
         var.sample_count = values.times.size();

@@ -49,6 +49,7 @@ private:
     struct _Primvar {
         HdTrapezeSamples<VtValue> samples;
         TfToken role;
+        int elementSize = 1;
     };
 
     struct _Part {
@@ -69,6 +70,7 @@ private:
         bool operator()(VtIntArray const& a, VtIntArray const& b) const;
     };
 
+    void _CheckLengths(HdTrapezeRenderParam& param);
     void _SetValues(trz_id group, VtIntArray const& instances, HdTrapezeRenderParam& param);
     void _Link(trz_id part, trz_id group, HdTrapezeRenderParam& param);
 

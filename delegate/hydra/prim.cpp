@@ -3,6 +3,7 @@
 #include "instancer.h"
 #include "numbers.h"
 #include "samples.h"
+#include "selection.h"
 
 #include "pxr/imaging/hd/sceneDelegate.h"
 #include "pxr/imaging/hd/tokens.h"
@@ -19,7 +20,18 @@ struct _Triples {
     std::vector<size_t> counts;
     std::vector<std::vector<float>> converted;
 
-    explicit _Triples(HdTrapezeSamples<VtValue> const& samples) {
+    // Those of the indices, where there are any.
+    _Triples(HdTrapezeSamples<VtValue> const& samples, VtIntArray const& indices) {
+        if (!indices.empty()) {
+            HdTrapezeSelection const selection(samples, indices, 3);
+            times = selection.times;
+            counts = selection.counts;
+            converted = selection.Floats();
+            for (auto const& floats : converted) {
+                values.push_back(floats.data());
+            }
+            return;
+        }
         converted.reserve(samples.values.size());
         for (size_t i = 0; i < samples.values.size(); ++i) {
             HdTrapezeNumbers numbers;
@@ -116,7 +128,7 @@ bool HdTrapezePrim::Sync(HdRprim const& rprim, HdSceneDelegate* delegate,
         _SyncPoints(id, delegate, param);
     }
     if (primvars || (bits & (HdChangeTracker::DirtyNormals | HdChangeTracker::DirtyWidths))) {
-        _primvars.Sync(id, _id, delegate, param);
+        _primvars.Sync(id, _id, _indices, delegate, param);
     }
     return true;
 }
@@ -178,9 +190,9 @@ void HdTrapezePrim::_SyncPoints(SdfPath const& id, HdSceneDelegate* delegate,
             accelerations = HdTrapezeSamplePrimvar(delegate, id, HdTokens->accelerations, shutter);
         }
     }
-    _Triples const p(points);
-    _Triples const v(velocities);
-    _Triples const a(accelerations);
+    _Triples const p(points, _indices);
+    _Triples const v(velocities, _indices);
+    _Triples const a(accelerations, _indices);
     trz_points desc = {};
     desc.struct_size = sizeof(desc);
     desc.times = p.times.data();

@@ -5,6 +5,7 @@
 #include "primvars.h"
 #include "renderParam.h"
 
+#include "pxr/base/vt/array.h"
 #include "pxr/imaging/hd/rprim.h"
 #include "pxr/pxr.h"
 
@@ -55,6 +56,10 @@ public:
         return param.Shutter() * GfInterval(_reach);
     }
 
+    /// Of each vertex, which of the points it is; none where points are in the vertices' order.
+    VtIntArray const& Indices() const { return _indices; }
+    void SetIndices(VtIntArray const& indices) { _indices = indices; }
+
     /// Hydra's refine level.
     int RefineLevel() const { return _refineLevel; }
 
@@ -69,6 +74,7 @@ private:
     Points _points;
     trz_id _id = 0;
     SdfPath _instancer;
+    VtIntArray _indices;
     HdTrapezePrimvars _primvars;
     TfToken _renderTag;
     int _refineLevel = 0;

@@ -2,6 +2,7 @@
 
 #include "numbers.h"
 #include "samples.h"
+#include "selection.h"
 
 #include "pxr/imaging/hd/tokens.h"
 
@@ -9,16 +10,35 @@ PXR_NAMESPACE_OPEN_SCOPE
 
 namespace {
 
-// So many numbers are one value, where the host's Hydra can say it.
+// Where the host's Hydra can say it.
 template <class Descriptor>
 auto _ElementSize(Descriptor const& primvar, int) -> decltype(primvar.elementSize) {
     return primvar.elementSize;
 }
 template <class Descriptor> int _ElementSize(Descriptor const&, long) { return 1; }
 
+// All values of those samples that hold numbers of one kind.
+void _View(HdTrapezeSamples<VtValue> const& samples, trz_primvar* desc, std::vector<double>* times,
+           std::vector<void const*>* values, std::vector<size_t>* counts) {
+    for (size_t i = 0; i < samples.values.size(); ++i) {
+        HdTrapezeNumbers numbers;
+        if (!HdTrapezeNumbers::View(samples.values[i], &numbers)) {
+            continue;
+        }
+        if (!values->empty() && (numbers.type != desc->type || numbers.width != desc->width)) {
+            continue;
+        }
+        desc->type = numbers.type;
+        desc->width = numbers.width;
+        times->push_back(samples.times[i]);
+        values->push_back(numbers.data);
+        counts->push_back(numbers.count);
+    }
+}
+
 bool _Send(SdfPath const& id, trz_id prim, TfToken const& name, HdInterpolation interpolation,
            TfToken const& role, int elementSize, HdTrapezeSamples<VtValue> const& samples,
-           HdTrapezeRenderParam& param) {
+           VtIntArray const& indices, HdTrapezeRenderParam& param) {
     trz_primvar desc = {};
     desc.struct_size = sizeof(desc);
     desc.interpolation = HdTrapezeInterpolation(interpolation);
@@ -28,19 +48,19 @@ bool _Send(SdfPath const& id, trz_id prim, TfToken const& name, HdInterpolation 
     std::vector<double> times;
     std::vector<void const*> values;
     std::vector<size_t> counts;
-    for (size_t i = 0; i < samples.values.size(); ++i) {
-        HdTrapezeNumbers numbers;
-        if (!HdTrapezeNumbers::View(samples.values[i], &numbers)) {
-            continue;
-        }
-        if (!values.empty() && (numbers.type != desc.type || numbers.width != desc.width)) {
-            continue;
-        }
-        desc.type = numbers.type;
-        desc.width = numbers.width;
-        times.push_back(samples.times[i]);
-        values.push_back(numbers.data);
-        counts.push_back(numbers.count);
+    bool const isOfPoints =
+        interpolation == HdInterpolationVertex || interpolation == HdInterpolationVarying;
+    HdTrapezeSelection const selection = isOfPoints && !indices.empty()
+                                             ? HdTrapezeSelection(samples, indices, 0, elementSize)
+                                             : HdTrapezeSelection();
+    if (!selection.times.empty()) {
+        desc.type = selection.type;
+        desc.width = selection.width;
+        times = selection.times;
+        values = selection.values;
+        counts = selection.counts;
+    } else {
+        _View(samples, &desc, &times, &values, &counts);
     }
     if (values.empty()) {
         return false;
@@ -75,8 +95,12 @@ bool HdTrapezePrimvars::IsNeeded(TfToken const& name) {
            name == HdTokens->widths || name == HdTokens->normals;
 }
 
-void HdTrapezePrimvars::Sync(SdfPath const& id, trz_id prim, HdSceneDelegate* delegate,
-                             HdTrapezeRenderParam& param) {
+int HdTrapezePrimvars::ElementSize(HdPrimvarDescriptor const& primvar) {
+    return _ElementSize(primvar, 0);
+}
+
+void HdTrapezePrimvars::Sync(SdfPath const& id, trz_id prim, VtIntArray const& indices,
+                             HdSceneDelegate* delegate, HdTrapezeRenderParam& param) {
     GfInterval const shutter = param.Shutter();
     std::set<TfToken> const wanted = param.WantedPrimvars();
     std::set<TfToken> sent;
@@ -91,7 +115,7 @@ void HdTrapezePrimvars::Sync(SdfPath const& id, trz_id prim, HdSceneDelegate* de
             if (isWanted(computed.name)) {
                 auto const samples = HdTrapezeSampleComputed(delegate, computed, shutter);
                 if (_Send(id, prim, computed.name, interpolation, computed.role, 1, samples,
-                          param)) {
+                          indices, param)) {
                     sent.insert(computed.name);
                 }
             }
@@ -99,8 +123,8 @@ void HdTrapezePrimvars::Sync(SdfPath const& id, trz_id prim, HdSceneDelegate* de
         for (auto const& primvar : delegate->GetPrimvarDescriptors(id, interpolation)) {
             if (isWanted(primvar.name) && !sent.count(primvar.name)) {
                 auto const samples = HdTrapezeSamplePrimvar(delegate, id, primvar.name, shutter);
-                if (_Send(id, prim, primvar.name, interpolation, primvar.role,
-                          _ElementSize(primvar, 0), samples, param)) {
+                if (_Send(id, prim, primvar.name, interpolation, primvar.role, ElementSize(primvar),
+                          samples, indices, param)) {
                     sent.insert(primvar.name);
                 }
             }

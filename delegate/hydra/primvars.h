@@ -4,6 +4,7 @@
 #include "hdtrapeze.h"
 #include "renderParam.h"
 
+#include "pxr/base/vt/array.h"
 #include "pxr/imaging/hd/sceneDelegate.h"
 #include "pxr/pxr.h"
 
@@ -15,9 +16,12 @@ PXR_NAMESPACE_OPEN_SCOPE
 class HdTrapezePrimvars final {
 public:
     /// Pulls those that shading, curves and points need and AOVs show; removes those that are no
-    /// more.
-    void Sync(SdfPath const& id, trz_id prim, HdSceneDelegate* delegate,
+    /// more. `indices` are HdTrapezePrim::Indices.
+    void Sync(SdfPath const& id, trz_id prim, VtIntArray const& indices, HdSceneDelegate* delegate,
               HdTrapezeRenderParam& param);
+
+    /// How many values of a primvar are one.
+    static int ElementSize(HdPrimvarDescriptor const& primvar);
 
     /// Whether something besides AOVs needs a primvar.
     static bool IsNeeded(TfToken const& name);

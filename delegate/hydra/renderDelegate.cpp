@@ -6,6 +6,7 @@
 #include "implicit.h"
 #include "instancer.h"
 #include "light.h"
+#include "material.h"
 #include "mesh.h"
 #include "nurbsCurves.h"
 #include "nurbsPatch.h"
@@ -73,7 +74,8 @@ TfTokenVector const& HdTrapezeRenderDelegate::GetSupportedRprimTypes() const {
 
 TfTokenVector const& HdTrapezeRenderDelegate::GetSupportedSprimTypes() const {
     static TfTokenVector const types = [] {
-        TfTokenVector types = {HdPrimTypeTokens->camera, HdPrimTypeTokens->extComputation};
+        TfTokenVector types = {HdPrimTypeTokens->camera, HdPrimTypeTokens->extComputation,
+                               HdPrimTypeTokens->material};
         types.insert(types.end(), _Lights().begin(), _Lights().end());
         return types;
     }();
@@ -240,6 +242,9 @@ HdSprim* HdTrapezeRenderDelegate::CreateSprim(TfToken const& type, SdfPath const
     }
     if (type == HdPrimTypeTokens->extComputation) {
         return new HdExtComputation(id);
+    }
+    if (type == HdPrimTypeTokens->material) {
+        return new HdTrapezeMaterial(id);
     }
     if (_Has(_Lights(), type)) {
         return new HdTrapezeLight(id, type);

@@ -63,8 +63,11 @@ bool HdTrapezeRenderParam::EditCamera(trz_result result, SdfPath const& id) {
     return Edit(result, id);
 }
 
-bool HdTrapezeRenderParam::Check(trz_result result, SdfPath const& id) const {
-    if (result != TRZ_OK) {
+bool HdTrapezeRenderParam::Check(trz_result result, SdfPath const& id) {
+    if (result == TRZ_ERROR_POISONED) {
+        // Every call says so from then on.
+        TellFailure(trz_last_error());
+    } else if (result != TRZ_OK) {
         Warn(id, std::string(trz_last_error()) + " (" + trz_result_name(result) + ")");
     }
     return result == TRZ_OK;
@@ -86,6 +89,19 @@ void HdTrapezeRenderParam::WarnOnce(SdfPath const& id, std::string const& text) 
         }
     }
     Warn(id, text);
+}
+
+void HdTrapezeRenderParam::TellFailure(std::string const& failure) {
+    {
+        std::lock_guard<std::mutex> lock(_mutex);
+        if (_failure == failure) {
+            return;
+        }
+        _failure = failure;
+    }
+    if (!failure.empty()) {
+        TF_RUNTIME_ERROR("Trapeze: %s", failure.c_str());
+    }
 }
 
 GfInterval HdTrapezeRenderParam::Shutter() const {
@@ -256,6 +272,26 @@ HdTrapezeInstancer* HdTrapezeRenderParam::FindInstancer(SdfPath const& id) const
     std::lock_guard<std::mutex> lock(_mutex);
     auto const found = _instancers.find(id);
     return found == _instancers.end() ? nullptr : found->second;
+}
+
+void HdTrapezeRenderParam::SetIncludedBy(void const* pass, Included const& included) {
+    bool differ = false;
+    {
+        std::lock_guard<std::mutex> lock(_mutex);
+        _included[pass] = included;
+        for (auto const& [other, theirs] : _included) {
+            differ |= theirs != included;
+        }
+    }
+    if (differ) {
+        WarnOnce(SdfPath(), "render passes with different collections or render tags share one "
+                            "scene; all show what the last one of them asks for");
+    }
+}
+
+void HdTrapezeRenderParam::RemovePass(void const* pass) {
+    std::lock_guard<std::mutex> lock(_mutex);
+    _included.erase(pass);
 }
 
 void HdTrapezeRenderParam::AddRenderSettings(SdfPath const& id, HdTrapezeRenderSettings* settings) {

@@ -15,6 +15,7 @@
 #include <mutex>
 #include <set>
 #include <string>
+#include <tuple>
 #include <unordered_map>
 #include <vector>
 
@@ -40,13 +41,17 @@ public:
     bool Edit(trz_result result, SdfPath const& id);
 
     /// Edit for what is no edit of the scene.
-    bool Check(trz_result result, SdfPath const& id) const;
+    bool Check(trz_result result, SdfPath const& id);
 
     /// A warning about a prim, or, with an empty path, about none.
     void Warn(SdfPath const& id, std::string const& text) const;
 
     /// The same, the first time only.
     void WarnOnce(SdfPath const& id, std::string const& text);
+
+    /// Says why a render failed, or with an empty text that it did not: the same only once on end,
+    /// whatever is edited meanwhile.
+    void TellFailure(std::string const& failure);
 
     /// Edits so far: where it has grown, there is something to render anew.
     uint64_t Edits() const { return _edits; }
@@ -118,6 +123,14 @@ public:
     void MarkVisibilityDirty() { ++_visibilityVersion; }
     uint64_t VisibilityVersion() const { return _visibilityVersion; }
 
+    /// What a render pass includes: roots, paths that are excluded, render tags.
+    using Included = std::tuple<SdfPathVector, SdfPathVector, TfTokenVector>;
+
+    /// Says what a render pass includes. Prims are hidden or shown for all passes: where two do not
+    /// include the same, a warning says that the last one counts.
+    void SetIncludedBy(void const* pass, Included const& included);
+    void RemovePass(void const* pass);
+
     void AddRenderSettings(SdfPath const& id, HdTrapezeRenderSettings* settings);
     void RemoveRenderSettings(SdfPath const& id);
     HdTrapezeRenderSettings* FindRenderSettings(SdfPath const& id) const;
@@ -145,6 +158,8 @@ private:
     std::unordered_map<void const*, GfInterval> _shutters;
     GfInterval _shutter{0.0, 0.0};
     std::set<std::pair<SdfPath, std::string>> _warned;
+    std::string _failure;
+    std::map<void const*, Included> _included;
     std::set<TfToken> _wanted;
     std::map<SdfPath, HdTrapezePrim*> _prims;
     std::map<SdfPath, HdTrapezeInstancer*> _instancers;

@@ -78,6 +78,8 @@ HdTrapezeRenderPass::HdTrapezeRenderPass(HdRenderIndex* index, HdRprimCollection
                                          HdTrapezeRenderDelegate* delegate)
     : HdRenderPass(index, collection), _delegate(delegate) {}
 
+HdTrapezeRenderPass::~HdTrapezeRenderPass() { _delegate->Param().RemovePass(this); }
+
 bool HdTrapezeRenderPass::IsConverged() const {
     HdTrapezeRenderLoop const* const loop = _delegate->Loop();
     return !loop || (!_resyncing && loop->IsConverged());
@@ -97,6 +99,7 @@ void HdTrapezeRenderPass::_Include(TfTokenVector const& tags) {
     HdRprimCollection const& collection = GetRprimCollection();
     SdfPathVector const& roots = collection.GetRootPaths();
     SdfPathVector const& excluded = collection.GetExcludePaths();
+    param.SetIncludedBy(this, {roots, excluded, tags});
     param.ForEachPrim([&](SdfPath const& id, HdTrapezePrim& prim) {
         auto const isAbove = [&](SdfPath const& path) { return id.HasPrefix(path); };
         bool const tagged =
@@ -224,9 +227,7 @@ void HdTrapezeRenderPass::_Start() {
                             for (HdTrapezeFile const& file : files) {
                                 file.Write(param, failure);
                             }
-                            if (!failure.empty()) {
-                                TF_RUNTIME_ERROR("Trapeze: %s", failure.c_str());
-                            }
+                            param.TellFailure(failure);
                         }});
     }
     _delegate->Loop()->Start(std::move(jobs));

@@ -21,6 +21,7 @@ class HdTrapezeRenderPass final : public HdRenderPass {
 public:
     HdTrapezeRenderPass(HdRenderIndex* index, HdRprimCollection const& collection,
                         HdTrapezeRenderDelegate* delegate);
+    ~HdTrapezeRenderPass() override;
 
     bool IsConverged() const override;
 

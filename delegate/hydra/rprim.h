@@ -38,13 +38,14 @@ public:
     void Sync(HdSceneDelegate* delegate, HdRenderParam* renderParam, HdDirtyBits* dirtyBits,
               TfToken const&) final {
         auto& param = *static_cast<HdTrapezeRenderParam*>(renderParam);
-        HdDirtyBits const bits = *dirtyBits;
+        HdDirtyBits bits = *dirtyBits;
         this->_UpdateVisibility(delegate, dirtyBits);
         this->_UpdateInstancer(delegate, dirtyBits);
         HdRenderIndex& index = delegate->GetRenderIndex();
         if (index.GetInstancer(this->GetInstancerId())) {
             HdInstancer::_SyncInstancerAndParents(index, this->GetInstancerId());
         }
+        _SyncIndices(&_prim, delegate, &bits);
         bool const created = _prim.Id() == 0;
         if (_prim.Sync(*this, delegate, param, bits)) {
             _SyncShape(_prim, delegate, param,
@@ -66,6 +67,10 @@ public:
     }
 
 protected:
+    /// Tells the prim which points its vertices are, before these are pulled. Where that changes,
+    /// they are dirty.
+    virtual void _SyncIndices(HdTrapezePrim*, HdSceneDelegate*, HdDirtyBits*) {}
+
     /// Pulls what this kind of prim alone has, where it is dirty.
     virtual void _SyncShape(HdTrapezePrim const&, HdSceneDelegate*, HdTrapezeRenderParam&,
                             HdDirtyBits) {}

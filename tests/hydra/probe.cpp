@@ -1,10 +1,21 @@
-// What pickers and viewers of a host see: buffers in its memory, and ids as the host decodes them.
-// Python has no access to either, so host.py loads this and calls it.
+// What pickers and viewers of a host see: buffers in its memory, and ids as the host decodes them;
+// and a host with several render passes. Python has no access to these, so host.py loads this and
+// calls it.
 
+#include "pxr/imaging/hd/camera.h"
+#include "pxr/imaging/hd/engine.h"
+#include "pxr/imaging/hd/pluginRenderDelegateUniqueHandle.h"
 #include "pxr/imaging/hd/renderBuffer.h"
+#include "pxr/imaging/hd/renderIndex.h"
+#include "pxr/imaging/hd/renderPass.h"
+#include "pxr/imaging/hd/renderPassState.h"
+#include "pxr/imaging/hd/rendererPlugin.h"
+#include "pxr/imaging/hd/rendererPluginRegistry.h"
+#include "pxr/imaging/hd/task.h"
 #include "pxr/imaging/hd/tokens.h"
 #include "pxr/usd/usd/prim.h"
 #include "pxr/usd/usd/stage.h"
+#include "pxr/usdImaging/usdImaging/delegate.h"
 #include "pxr/usdImaging/usdImagingGL/engine.h"
 #include "pxr/usdImaging/usdImagingGL/renderParams.h"
 
@@ -13,7 +24,9 @@
 #include <fstream>
 #include <iomanip>
 #include <map>
+#include <memory>
 #include <thread>
+#include <vector>
 
 PXR_NAMESPACE_USING_DIRECTIVE
 
@@ -50,7 +63,82 @@ void WriteColor(std::ostream& out, HdRenderBuffer* buffer, HdFormat format, size
     buffer->Unmap();
 }
 
+// Draws a collection into a colour of its own.
+class PassTask final : public HdTask {
+public:
+    PassTask(HdRenderIndex* index, SdfPath const& camera, SdfPathVector const& excluded)
+        : HdTask(SdfPath("/task")), _index(index), _camera(camera) {
+        HdRprimCollection collection(HdTokens->geometry, HdReprSelector(HdReprTokens->hull));
+        collection.SetExcludePaths(excluded);
+        HdRenderDelegate* const delegate = index->GetRenderDelegate();
+        _pass = delegate->CreateRenderPass(index, collection);
+        _buffer = static_cast<HdRenderBuffer*>(
+            delegate->CreateBprim(HdPrimTypeTokens->renderBuffer, SdfPath("/color")));
+        _buffer->Allocate(GfVec3i(48, 32, 1), HdFormatFloat32Vec4, false);
+    }
+    ~PassTask() override { _index->GetRenderDelegate()->DestroyBprim(_buffer); }
+
+    void Sync(HdSceneDelegate*, HdTaskContext*, HdDirtyBits* bits) override {
+        _pass->Sync();
+        *bits = HdChangeTracker::Clean;
+    }
+    void Prepare(HdTaskContext*, HdRenderIndex*) override {}
+    void Execute(HdTaskContext*) override {
+        HdRenderPassAovBinding binding;
+        binding.aovName = HdAovTokens->color;
+        binding.renderBuffer = _buffer;
+        binding.clearValue = VtValue(GfVec4f(0.0f));
+        auto const state = std::make_shared<HdRenderPassState>();
+        state->SetCamera(
+            static_cast<HdCamera const*>(_index->GetSprim(HdPrimTypeTokens->camera, _camera)));
+        state->SetFraming(CameraUtilFraming(GfRect2i(GfVec2i(0), 48, 32)));
+        state->SetAovBindings({binding});
+        _pass->Execute(state, {});
+    }
+    TfTokenVector const& GetRenderTags() const override {
+        static TfTokenVector const tags = {HdRenderTagTokens->geometry};
+        return tags;
+    }
+    bool IsConverged() const { return _pass->IsConverged(); }
+
+private:
+    HdRenderIndex* const _index;
+    SdfPath const _camera;
+    HdRenderPassSharedPtr _pass;
+    HdRenderBuffer* _buffer;
+};
+
 } // namespace
+
+/// Draws a stage by two render passes of one index, of which the second excludes a prim where one
+/// is given, `draws` times and until both are done. The number of renders that were started; -1
+/// where they are not done in time.
+extern "C" __attribute__((visibility("default"))) int
+two_passes(char const* file, char const* camera, char const* excluded, int draws) {
+    UsdStageRefPtr const stage = UsdStage::Open(file);
+    HdPluginRenderDelegateUniqueHandle const delegate =
+        HdRendererPluginRegistry::GetInstance().CreateRenderDelegate(
+            TfToken("HdTrapezeRendererPlugin"));
+    std::unique_ptr<HdRenderIndex> const index(HdRenderIndex::New(delegate.Get(), {}));
+    UsdImagingDelegate scene(index.get(), SdfPath::AbsoluteRootPath());
+    scene.Populate(stage->GetPseudoRoot());
+    SdfPathVector const paths = *excluded ? SdfPathVector{SdfPath(excluded)} : SdfPathVector();
+    std::vector<std::shared_ptr<PassTask>> const passes = {
+        std::make_shared<PassTask>(index.get(), SdfPath(camera), SdfPathVector()),
+        std::make_shared<PassTask>(index.get(), SdfPath(camera), paths)};
+    HdTaskSharedPtrVector tasks(passes.begin(), passes.end());
+    HdEngine engine;
+    auto const end = std::chrono::steady_clock::now() + std::chrono::seconds(30);
+    for (int drawn = 0; drawn < draws || !passes[0]->IsConverged() || !passes[1]->IsConverged();
+         ++drawn) {
+        if (std::chrono::steady_clock::now() > end) {
+            return -1;
+        }
+        engine.Execute(index.get(), &tasks);
+        std::this_thread::sleep_for(std::chrono::milliseconds(2));
+    }
+    return static_cast<int>(delegate->GetRenderStats()["renders"].Get<uint64_t>());
+}
 
 /// Renders a stage through a camera, and writes to a JSON file: what each pair of prim and instance
 /// decodes to with its mean pixel (y up); of each AOV its format and its values at the pixel x, y;

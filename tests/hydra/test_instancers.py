@@ -169,3 +169,29 @@ def test_prims_enter_and_leave_prototypes(host):
         np.testing.assert_array_equal(image, places(f"fresh{i}.exr"), str(i))
     changed = [(a != b).any() for a, b in pairwise(images)]
     assert sum(changed) >= 9
+
+
+def test_several_values_for_each_instance(host):
+    """Hosts before 26.08 do not say so: rather no values than those of others, and one warning."""
+
+    def author(stage, size):
+        instance_scenes.box(stage, "/i/a", 0.3)
+        instance_scenes.box(stage, "/i/b", 0.4)
+        places = [(i * 2 - 3, 0, 0) for i in range(4)]
+        instancer = instance_scenes.points(stage, "/i", ["/i/a", "/i/b"], [0, 1, 0, 1], places)
+        kind = Sdf.ValueTypeNames.Color3fArray
+        color = UsdGeom.PrimvarsAPI(instancer).CreatePrimvar("displayColor", kind, "vertex", size)
+        color.Set(vectors([(i / 8, 1, 0) for i in range(4 * size)]))
+
+    same(host, lambda stage: author(stage, 1))
+    text = "primvar displayColor has 8 values where its instancer has 4 instances; it is ignored"
+    scene = export(host, lambda stage: author(stage, 2))
+    script = """
+    view = View(Usd.Stage.Open(scene), "/camera", samples=1)
+    view.render(0)
+    view.save("view.exr")
+    """
+    ran = host.run(script, scene=scene)
+    assert ran.warnings == [("/i", text)]
+    image = ran.image("view.exr")
+    np.testing.assert_array_equal(image[..., 0], image[..., 1])

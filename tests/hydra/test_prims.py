@@ -1,11 +1,15 @@
 """Every kind of prim, sound and broken, through Hydra's hosts and through `hdtrapeze record`."""
 
+import itertools
+
 import instance_scenes
 import pytest
 import strands
-from authored import same, vectors
-from pxr import Gf, Sdf, UsdGeom, Vt
+from authored import export, same, vectors
+from driver import record
+from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 from scenes import add_grid, add_quad, quad_points, set_samples
+from test_agreement import assert_alike
 
 # Curves and points --------------------------------------------------------------------------------
 
@@ -52,6 +56,41 @@ def flying_points(stage):
         flies.CreateVelocitiesAttr().Set(vectors([(7 * y, -7 * x, 0) for x, y, _ in places]), time)
         bends = vectors([(-300 * x, -300 * y, 0) for x, y, _ in places])
         flies.CreateAccelerationsAttr().Set(bends, time)
+
+
+def test_bounds_that_stand_for_a_model(host):
+    """Hosts draw them as lines of width 1 between eight points, with indices; and axes as well."""
+
+    def bounds(stage, lo, hi):
+        model = UsdGeom.Xform.Define(stage, "/model").GetPrim()
+        Usd.ModelAPI(model).SetKind("component")
+        api = UsdGeom.ModelAPI.Apply(model)
+        api.CreateModelDrawModeAttr("bounds")
+        api.CreateModelDrawModeColorAttr(Gf.Vec3f(1, 0, 0))
+        api.SetExtentsHint(vectors([lo, hi]))
+        add_quad(stage, "/model/quad", color=(0, 1, 0))
+
+    def lines(stage, lo, hi):
+        corners = list(itertools.product(*zip(lo, hi, strict=True)))
+        edges = [0, 4, 4, 6, 6, 2, 2, 0, 1, 5, 5, 7, 7, 3, 3, 1, 0, 1, 4, 5, 6, 7, 2, 3]
+        points = [corners[i] for i in edges]
+        strands.add_curves(stage, "/edges", points, [2] * 12, color=(1, 0, 0), widths=1.0)
+
+    box = (-3, -2, -1), (2, 3, 1)
+    script = """
+    stage = Usd.Stage.Open(scene)
+    view = View(stage, "/camera", size=(96, 96), interactive=False, samples=4)
+    for mode in ("bounds", "origin", "bounds"):
+        edit(stage, "/model.model:drawMode", mode)
+        view.render(0)
+    view.save("view.exr")
+    """
+    ran = host.run(script, scene=export(host, lambda stage: bounds(stage, *box)))
+    assert ran.warnings == []
+    scene = export(host, lambda stage: lines(stage, *box))
+    flags = ["-w", 96, "-f", 0, "--float", "--samples", 4]
+    other = record(scene, host.folder / "record.exr", *flags, "-cam", "/camera")
+    assert_alike(ran.image("view.exr"), other)
 
 
 @pytest.mark.parametrize(("author", "opens", "closes"), [
