@@ -121,6 +121,7 @@ fn samples(matrices: &[DMat4]) -> TransformSamples {
     TransformSamples {
         times: (0..matrices.len()).map(|i| i as f64).collect(),
         matrices: matrices.to_vec(),
+        ..TransformSamples::default()
     }
 }
 

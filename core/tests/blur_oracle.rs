@@ -14,8 +14,9 @@ use hdtrapeze_core::aov::{Aov, AovData};
 use hdtrapeze_core::render::{Frame, RenderControl, prepare, render};
 use hdtrapeze_core::scene::Geometry;
 use hdtrapeze_core::scene::{
-    CameraDesc, FilterKind, Interpolation, MeshDesc, PointsSamples, PrimCommon, PrimDesc, PrimId,
-    PrimvarDesc, Rates, RenderSettings, Samples, Scene, TransformSamples,
+    CameraDesc, FilterKind, InstanceArrays, InstancerDesc, Interpolation, MeshDesc, PointsSamples,
+    PrimCommon, PrimDesc, PrimId, PrimvarDesc, Rates, RenderSettings, Samples, Scene,
+    TransformSamples,
 };
 use hdtrapeze_core::surface::{MeshTopology, Scheme};
 use support::NoSubdivision;
@@ -35,6 +36,8 @@ struct Actor {
     /// Number of times over the shutter (over all that the blur scale makes of it) at which the
     /// renderer is given samples.
     matrix_keys: usize,
+    /// Matrices turn between keys.
+    turns: bool,
     point_keys: usize,
     /// In place of samples at keys.
     rates: Option<RatedSample>,
@@ -148,7 +151,11 @@ fn scene(play: &Play, shift: f64) -> Scene {
             ..MeshTopology::default()
         };
         let mut common = PrimCommon::new(format!("/actor{i}"));
-        common.transform = vec![TransformSamples { times, matrices }];
+        common.transform = vec![TransformSamples {
+            times,
+            matrices,
+            turns: actor.turns,
+        }];
         common.primvars.insert(
             "displayColor".to_owned(),
             PrimvarDesc::still(Interpolation::Constant, 3, actor.color.to_vec(), vec![]),
@@ -180,7 +187,11 @@ fn scene(play: &Play, shift: f64) -> Scene {
         .collect();
     let camera = CameraDesc {
         path: "/camera".to_owned(),
-        transform: vec![TransformSamples { times, matrices }],
+        transform: vec![TransformSamples {
+            times,
+            matrices,
+            ..TransformSamples::default()
+        }],
         horizontal_aperture: APERTURE,
         vertical_aperture: APERTURE * f64::from(HEIGHT) / f64::from(WIDTH),
         focal_length: FOCAL,
@@ -355,6 +366,7 @@ fn actor() -> Actor {
         matrix: still,
         points: triangle,
         matrix_keys: 1,
+        turns: false,
         point_keys: 1,
         rates: None,
         blur_scale: 1.0,
@@ -410,6 +422,93 @@ fn rotating_transform() {
         }),
         1.5,
     );
+}
+
+/// Nearly half a turn, on a way that is not through the origin.
+fn spinning(t: f64) -> DAffine3 {
+    DAffine3::from_translation(DVec3::new(t - 0.5, 0.3 * t, 0.0)) * spin(t)
+}
+
+fn spin(t: f64) -> DAffine3 {
+    DAffine3::from_rotation_z(2.8 * t) * DAffine3::from_scale(DVec3::new(1.0, 0.7, 1.0))
+}
+
+#[test]
+fn what_spins_between_two_keys_goes_along_arcs() {
+    let spinning = Actor {
+        matrix: spinning,
+        matrix_keys: 2,
+        turns: true,
+        ..actor()
+    };
+    check("spinning", &play(spinning), 0.5);
+}
+
+const APART: DVec3 = DVec3::new(1.3, 0.4, 0.0);
+
+/// Two actors of a play as one prim that is placed twice; `parts` are the transform of the prim, that of
+/// the instancer, and matrices of the instances, which turn about their own origins.
+fn placed_twice(play: &Play, parts: [fn(f64) -> DAffine3; 3]) -> Scene {
+    let mut scene = scene(play, 0.0);
+    scene.prims.remove(&PrimId(2));
+    let prim = scene.prims.get_mut(&PrimId(1)).unwrap();
+    let common = &mut Arc::make_mut(prim).common;
+    let times = vec![0.0, 1.0];
+    let samples = |of: fn(f64) -> DAffine3| TransformSamples {
+        matrices: times.iter().map(|&t| DMat4::from(of(t))).collect(),
+        times: times.clone(),
+        turns: true,
+    };
+    common.transform = vec![samples(parts[0])];
+    common.instancer = Some((PrimId(50), 0));
+    let own = samples(parts[2]).matrices;
+    let values = own.iter().map(|m| Arc::new(vec![*m; 2]));
+    let arrays = InstanceArrays {
+        instance_count: 2,
+        positions: Samples {
+            times: vec![0.0],
+            values: vec![Arc::new([APART, -APART].map(|p| p.as_vec3()).to_vec())],
+        },
+        matrices: Samples {
+            times: times.clone(),
+            values: values.collect(),
+        },
+        matrices_turn: true,
+        ..InstanceArrays::default()
+    };
+    let instancer = InstancerDesc {
+        transform: vec![samples(parts[1])],
+        arrays: Arc::new(arrays),
+        ..InstancerDesc::new("/instancer")
+    };
+    scene.instancers.insert(PrimId(50), Arc::new(instancer));
+    scene
+}
+
+#[test]
+fn instances_that_spin_go_along_arcs() {
+    type Matrix = fn(f64) -> DAffine3;
+    let inside: [Matrix; 2] = [
+        |t| DAffine3::from_translation(APART) * spin(t),
+        |t| DAffine3::from_translation(-APART) * spin(t),
+    ];
+    let outside: [Matrix; 2] = [
+        |t| spin(t) * DAffine3::from_translation(APART),
+        |t| spin(t) * DAffine3::from_translation(-APART),
+    ];
+    for (name, matrices, parts) in [
+        ("prim", inside, [spin as Matrix, still, still]),
+        ("instancer", outside, [still as Matrix, spin, still]),
+        ("matrices", inside, [still as Matrix, still, spin]),
+    ] {
+        let each = matrices.map(|matrix| Actor { matrix, ..actor() });
+        let mut play = play(actor());
+        play.actors.splice(0..1, each);
+        let given = placed_twice(&play, parts);
+        let (rms, largest) = disagreement_of(&play, &given);
+        println!("{name}: rms {rms:.3}, largest {largest:.2} standard errors");
+        assert!(rms < 0.8 && largest < 5.0, "{name}: {rms}, {largest}");
+    }
 }
 
 #[test]

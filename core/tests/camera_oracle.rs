@@ -72,6 +72,7 @@ fn scene(camera: &CameraDesc, moves: bool) -> Scene {
             common.transform = vec![TransformSamples {
                 times: vec![0.0, 1.0],
                 matrices: vec![DMat4::IDENTITY, DMat4::from_translation(MOVE)],
+                ..TransformSamples::default()
             }];
         }
         let points: Vec<Vec3> = triangle.iter().map(|p| p.as_vec3()).collect();

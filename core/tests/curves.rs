@@ -67,6 +67,7 @@ fn camera_at(matrices: &[DMat4]) -> Camera {
         transform: vec![TransformSamples {
             times: (0..matrices.len()).map(|i| i as f64).collect(),
             matrices: matrices.to_vec(),
+            ..TransformSamples::default()
         }],
         horizontal_aperture: 1.0,
         vertical_aperture: 1.0,

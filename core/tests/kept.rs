@@ -20,6 +20,7 @@ fn at(matrix: DMat4) -> Vec<TransformSamples> {
     vec![TransformSamples {
         times: vec![0.0],
         matrices: vec![matrix],
+        ..TransformSamples::default()
     }]
 }
 

@@ -47,6 +47,7 @@ fn moving(matrices: &[DMat4]) -> TransformSamples {
     TransformSamples {
         times,
         matrices: matrices.to_vec(),
+        ..TransformSamples::default()
     }
 }
 

@@ -49,6 +49,7 @@ fn prim(geometry: Geometry, keys: &[DMat4]) -> PrimDesc {
     common.transform = vec![TransformSamples {
         times: (0..keys.len()).map(|i| i as f64).collect(),
         matrices: keys.to_vec(),
+        ..TransformSamples::default()
     }];
     PrimDesc { common, geometry }
 }
@@ -60,6 +61,7 @@ fn commit(mut scene: Scene, cull: Cull) -> Prepared {
         transform: vec![TransformSamples {
             times: vec![0.0],
             matrices: vec![eye],
+            ..TransformSamples::default()
         }],
         shutter: [0.0, 1.0],
         ..CameraDesc::default()

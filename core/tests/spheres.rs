@@ -28,6 +28,7 @@ fn camera(step: DVec3) -> Camera {
         transform: vec![TransformSamples {
             times: vec![0.0, 1.0],
             matrices: vec![at(DVec3::ZERO), at(step)],
+            ..TransformSamples::default()
         }],
         horizontal_aperture: 1.0,
         vertical_aperture: 1.0,

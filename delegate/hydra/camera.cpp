@@ -120,13 +120,9 @@ void HdTrapezeCamera::Sync(HdSceneDelegate* delegate, HdRenderParam* renderParam
     if (created || (bits & (DirtyTransform | DirtyParams))) {
         _sampled = param.Shutter();
         auto const samples = HdTrapezeSampleTransform(delegate, id, param.Shutter());
-        trz_transform_samples const level = {
-            samples.times.data(),
-            samples.values.empty() ? nullptr : samples.values.front().GetArray(),
-            samples.values.size(),
-        };
-        size_t const levels = samples.values.empty() ? 0 : 1;
-        param.EditCamera(trz_prim_set_transform(param.Session(), _id, &level, levels), id);
+        trz_transform_samples const level = samples.Level();
+        param.EditCamera(trz_prim_set_transform(param.Session(), _id, &level, samples.LevelCount()),
+                         id);
     }
     if (created || (bits & (DirtyParams | DirtyClipPlanes))) {
         trz_camera desc = {};

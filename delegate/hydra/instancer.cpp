@@ -49,50 +49,51 @@ _FloatSamples _Rotations(HdTrapezeSamples<VtValue> const& samples, VtIntArray co
 }
 
 // Turning instances do not go through the frame's own matrices on the line between the samples
-// around it: then those are a sample more.
-void _AddFrame(HdSceneDelegate* delegate, SdfPath const& id, HdTrapezeSamples<VtValue>* matrices) {
+// around it: then those are a sample more. True where all go straight there.
+bool _AddFrame(HdSceneDelegate* delegate, SdfPath const& id, HdTrapezeSamples<VtValue>* matrices) {
     auto& [times, values] = *matrices;
     size_t const slot = HdTrapezeFrameSlot(times);
     if (slot == 0) {
-        return;
+        return false;
     }
     VtValue const value = delegate->Get(id, HdInstancerTokens->instanceTransforms);
     auto const now = value.GetWithDefault<VtMatrix4dArray>();
     auto const first = values[slot - 1].GetWithDefault<VtMatrix4dArray>();
     auto const last = values[slot].GetWithDefault<VtMatrix4dArray>();
     if (now.size() != first.size() || now.size() != last.size()) {
-        return;
+        return false;
     }
     double const part = -times[slot - 1] / (times[slot] - times[slot - 1]);
     for (size_t i = 0; i < now.size(); ++i) {
         if (!HdTrapezeIsSame(first[i] + part * (last[i] - first[i]), now[i])) {
             times.insert(times.begin() + slot, 0.0);
             values.insert(values.begin() + slot, value);
-            return;
+            return false;
         }
     }
+    return true;
 }
 
 // Instances that are prims of their own may move though hosts give their matrices at the frame
-// alone: then those of the prims, where they are the same at the frame.
-void _AddMotion(HdSceneDelegate* delegate, SdfPath const& id, GfInterval const& shutter,
+// alone: then those of the prims, where they are the same at the frame. True where there are any.
+bool _AddMotion(HdSceneDelegate* delegate, SdfPath const& id, GfInterval const& shutter,
                 HdTrapezeSamples<VtValue>* matrices) {
     static HdDataSourceLocator const topology(TfToken("instancerTopology"));
     if (matrices->values.size() != 1 || shutter.GetSize() == 0.0 ||
         !matrices->values[0].IsHolding<VtMatrix4dArray>()) {
-        return;
+        return false;
     }
     auto const& frame = matrices->values[0].UncheckedGet<VtMatrix4dArray>();
     auto const prims = HdTrapezeSchema(delegate, id, topology)
                            .Get(TfToken("instanceLocations"), VtArray<SdfPath>());
     if (prims.size() != frame.size()) {
-        return;
+        return false;
     }
-    std::vector<HdTrapezeSamples<GfMatrix4d>> tracks;
+    std::vector<HdTrapezeTransform> tracks;
     std::set<double> times;
     for (size_t i = 0; i < prims.size(); ++i) {
         if (!GfIsClose(delegate->GetTransform(prims[i]), frame[i], 1e-6)) {
-            return;
+            return false;
         }
         tracks.push_back(HdTrapezeSampleTransform(delegate, prims[i], shutter));
         if (tracks[i].times.size() > 1) {
@@ -100,7 +101,7 @@ void _AddMotion(HdSceneDelegate* delegate, SdfPath const& id, GfInterval const& 
         }
     }
     if (times.empty()) {
-        return;
+        return false;
     }
     HdTrapezeSamples<VtValue> moving;
     for (double time : times) {
@@ -112,6 +113,7 @@ void _AddMotion(HdSceneDelegate* delegate, SdfPath const& id, GfInterval const& 
         moving.values.emplace_back(std::move(values));
     }
     *matrices = std::move(moving);
+    return true;
 }
 
 // Of arrays whose lengths change, the one at the frame or before it alone: it cannot be told which
@@ -208,8 +210,9 @@ void HdTrapezeInstancer::Sync(HdSceneDelegate* delegate, HdRenderParam* renderPa
         }
         auto const matrices = _primvars.find(HdInstancerTokens->instanceTransforms);
         if (matrices != _primvars.end()) {
-            _AddMotion(delegate, id, shutter, &matrices->second.samples);
-            _AddFrame(delegate, id, &matrices->second.samples);
+            bool const evaluated = _AddMotion(delegate, id, shutter, &matrices->second.samples);
+            bool const straight = _AddFrame(delegate, id, &matrices->second.samples);
+            _matricesTurn = !evaluated && !straight;
         }
         _CheckLengths(param);
         for (auto& [instances, group] : _groups) {
@@ -323,13 +326,10 @@ bool HdTrapezeInstancer::CommitGroups(HdTrapezeRenderParam& param) {
         }
         if (!group.hasTransform) {
             group.hasTransform = true;
-            trz_transform_samples const level = {
-                _transform.times.data(),
-                _transform.values.empty() ? nullptr : _transform.values.front().GetArray(),
-                _transform.values.size(),
-            };
-            size_t const levels = _transform.values.empty() ? 0 : 1;
-            param.Edit(trz_prim_set_transform(param.Session(), group.id, &level, levels), id);
+            trz_transform_samples const level = _transform.Level();
+            param.Edit(
+                trz_prim_set_transform(param.Session(), group.id, &level, _transform.LevelCount()),
+                id);
             param.Edit(trz_prim_set_visible(param.Session(), group.id, _visible), id);
         }
         if (group.motion != _motion) {
@@ -378,6 +378,7 @@ void HdTrapezeInstancer::_SetValues(trz_id group, VtIntArray const& instances,
     if (matrices.type == TRZ_NUMBERS_FLOAT64) {
         desc.matrices = {matrices.times.data(), matrices.times.size(), matrixValues.data(),
                          matrices.counts.data()};
+        desc.matrices_turn = _matricesTurn;
     }
     if (!velocities.times.empty() || !accelerations.times.empty() || !turns.times.empty()) {
         desc.time_codes_per_second = param.TimeCodesPerSecond();

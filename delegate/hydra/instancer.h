@@ -74,8 +74,10 @@ private:
     void _SetValues(trz_id group, VtIntArray const& instances, HdTrapezeRenderParam& param);
     void _Link(trz_id part, trz_id group, HdTrapezeRenderParam& param);
 
-    HdTrapezeSamples<GfMatrix4d> _transform;
+    HdTrapezeTransform _transform;
     std::map<TfToken, _Primvar> _primvars;
+    // Between samples, instanceTransforms go along arcs; see HdTrapezeTransform.
+    bool _matricesTurn = false;
     HdTrapezeMotion _motion;
     bool _visible = true;
     bool _created = false;

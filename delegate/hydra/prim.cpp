@@ -157,13 +157,8 @@ void HdTrapezePrim::Include(SdfPath const& id, bool included, HdTrapezeRenderPar
 void HdTrapezePrim::_SyncTransform(SdfPath const& id, HdSceneDelegate* delegate,
                                    HdTrapezeRenderParam& param) {
     auto const samples = HdTrapezeSampleTransform(delegate, id, Shutter(param));
-    trz_transform_samples const level = {
-        samples.times.data(),
-        samples.values.empty() ? nullptr : samples.values.front().GetArray(),
-        samples.values.size(),
-    };
-    size_t const levels = samples.values.empty() ? 0 : 1;
-    param.Edit(trz_prim_set_transform(param.Session(), _id, &level, levels), id);
+    trz_transform_samples const level = samples.Level();
+    param.Edit(trz_prim_set_transform(param.Session(), _id, &level, samples.LevelCount()), id);
 }
 
 void HdTrapezePrim::_SyncMotion(SdfPath const& id, HdSceneDelegate* delegate,

@@ -51,17 +51,18 @@ void _AddHeldTimes(HdSceneDelegate* delegate, SdfPath const& computation, GfInte
 }
 
 // Hosts give transforms where something is authored and at the shutter's ends. Where one turns,
-// more samples follow it. The frame's own may still lie off the line between two of them: it is a
-// sample, too, since a still image shows it.
+// more samples follow it, or else the renderer turns it. The frame's own may still lie off the line
+// between two of them: it is a sample, too, since a still image shows it.
 template <unsigned int Capacity, class F>
-HdTrapezeSamples<GfMatrix4d>
-_Turning(HdSceneDelegate* delegate, SdfPath const& id, GfInterval const& shutter,
-         HdTimeSampleArray<GfMatrix4d, Capacity> const& given, F&& plain) {
-    HdTrapezeSamples<GfMatrix4d> samples = HdTrapezeSorted(given, plain);
-    HdTrapezeAddArcs(delegate, id, shutter, &samples);
+HdTrapezeTransform _Turning(HdSceneDelegate* delegate, SdfPath const& id, GfInterval const& shutter,
+                            HdTimeSampleArray<GfMatrix4d, Capacity> const& given, F&& plain) {
+    HdTrapezeTransform samples{HdTrapezeSorted(given, plain)};
+    samples.turns = !HdTrapezeAddArcs(delegate, id, shutter, &samples) && samples.times.size() > 1;
     if (size_t const slot = HdTrapezeFrameSlot(samples.times)) {
         GfMatrix4d const now = plain();
-        if (!HdTrapezeIsSame(HdTrapezeAt(samples, 0.0, now), now)) {
+        if (HdTrapezeIsSame(HdTrapezeAt(samples, 0.0, now), now)) {
+            samples.turns = false; // USD takes authored matrices along lines
+        } else {
             samples.times.insert(samples.times.begin() + slot, 0.0);
             samples.values.insert(samples.values.begin() + slot, now);
         }
@@ -89,17 +90,16 @@ bool HdTrapezeIsSame(GfMatrix4d const& a, GfMatrix4d const& b) {
     return error[0] <= 1e-6 * size[0] && error[1] <= 1e-6 * size[1];
 }
 
-HdTrapezeSamples<GfMatrix4d> HdTrapezeSampleTransform(HdSceneDelegate* delegate, SdfPath const& id,
-                                                      GfInterval const& shutter) {
+HdTrapezeTransform HdTrapezeSampleTransform(HdSceneDelegate* delegate, SdfPath const& id,
+                                            GfInterval const& shutter) {
     HdTimeSampleArray<GfMatrix4d, _capacity> samples;
     _Within<(HD_API_VERSION >= 68)>(
         shutter, [&](auto... interval) { delegate->SampleTransform(id, interval..., &samples); });
     return _Turning(delegate, id, shutter, samples, [&] { return delegate->GetTransform(id); });
 }
 
-HdTrapezeSamples<GfMatrix4d> HdTrapezeSampleInstancerTransform(HdSceneDelegate* delegate,
-                                                               SdfPath const& id,
-                                                               GfInterval const& shutter) {
+HdTrapezeTransform HdTrapezeSampleInstancerTransform(HdSceneDelegate* delegate, SdfPath const& id,
+                                                     GfInterval const& shutter) {
     HdTimeSampleArray<GfMatrix4d, _capacity> samples;
     _Within<(HD_API_VERSION >= 68)>(shutter, [&](auto... interval) {
         delegate->SampleInstancerTransform(id, interval..., &samples);

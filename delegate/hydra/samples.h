@@ -1,6 +1,8 @@
 #ifndef HDTRAPEZE_SAMPLES_H
 #define HDTRAPEZE_SAMPLES_H
 
+#include "hdtrapeze.h"
+
 #include "pxr/base/gf/interval.h"
 #include "pxr/base/gf/matrix4d.h"
 #include "pxr/base/tf/token.h"
@@ -22,6 +24,20 @@ PXR_NAMESPACE_OPEN_SCOPE
 template <class T> struct HdTrapezeSamples {
     std::vector<double> times;
     std::vector<T> values;
+};
+
+/// Matrices of a transform over time, as the C ABI takes them: one level.
+struct HdTrapezeTransform : HdTrapezeSamples<GfMatrix4d> {
+    /// Between samples, it goes along arcs: the host cannot tell how, and nothing shows that it
+    /// goes straight.
+    bool turns = false;
+
+    trz_transform_samples Level() const {
+        return {times.data(), values.empty() ? nullptr : values.front().GetArray(), values.size(),
+                turns};
+    }
+
+    size_t LevelCount() const { return values.empty() ? 0 : 1; }
 };
 
 /// Sorts what a scene delegate gave. At the default time, some give times that are no numbers, with
@@ -70,13 +86,12 @@ size_t HdTrapezeFrameSlot(std::vector<double> const& times);
 bool HdTrapezeIsSame(GfMatrix4d const& a, GfMatrix4d const& b);
 
 /// The transform of a prim, to the space of its instancer's prototype or to the world.
-HdTrapezeSamples<GfMatrix4d> HdTrapezeSampleTransform(HdSceneDelegate* delegate, SdfPath const& id,
-                                                      GfInterval const& shutter);
+HdTrapezeTransform HdTrapezeSampleTransform(HdSceneDelegate* delegate, SdfPath const& id,
+                                            GfInterval const& shutter);
 
 /// The transform of an instancer, to the space of its parent's prototype or to the world.
-HdTrapezeSamples<GfMatrix4d> HdTrapezeSampleInstancerTransform(HdSceneDelegate* delegate,
-                                                               SdfPath const& id,
-                                                               GfInterval const& shutter);
+HdTrapezeTransform HdTrapezeSampleInstancerTransform(HdSceneDelegate* delegate, SdfPath const& id,
+                                                     GfInterval const& shutter);
 
 /// A primvar or an attribute that Hydra treats as one; no samples where there is no value.
 HdTrapezeSamples<VtValue> HdTrapezeSamplePrimvar(HdSceneDelegate* delegate, SdfPath const& id,

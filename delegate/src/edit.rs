@@ -630,6 +630,7 @@ mod tests {
         let level = TransformSamples {
             times: vec![0.0],
             matrices: vec![glam::DMat4::IDENTITY],
+            ..TransformSamples::default()
         };
         queue
             .edit(id, Edit::Transform(vec![level.clone()]))

@@ -101,7 +101,7 @@ static trz_id add_cube(trz_session* session) {
     double matrices[2][16];
     turn_and_move(10, -1.2, 0, 0, matrices[0]);
     turn_and_move(50, -1.2, 0, 0, matrices[1]);
-    const trz_transform_samples level = {times, matrices[0], COUNT(times)};
+    const trz_transform_samples level = {times, matrices[0], COUNT(times), 0};
     check(trz_prim_set_transform(session, cube, &level, 1), "transform");
     check(trz_prim_set_pick_id(session, cube, 1), "pick id");
     return cube;
@@ -152,7 +152,7 @@ static void add_camera(trz_session* session) {
     double matrix[16];
     const double time = 0;
     turn_and_move(0, 0, 0, 16, matrix);
-    const trz_transform_samples level = {&time, matrix, 1};
+    const trz_transform_samples level = {&time, matrix, 1, 0};
     check(trz_camera_create(session, "/camera", &camera), "create camera");
     check(trz_camera_set(session, camera, &lens), "camera");
     check(trz_prim_set_transform(session, camera, &level, 1), "camera transform");

@@ -26,7 +26,17 @@ def assert_alike(ours, other):
     np.testing.assert_allclose(ours.mean((0, 1)), other.mean((0, 1)), atol=1e-5)
 
 
-def compare(host, name, camera="/main_cam", frame=2.0, flags=(), warned=(), **choices):
+def assert_near(ours, other):
+    """Equal but for the tolerance that one of them keeps to arcs by: few of a pixel's samples are
+    on the other side of an edge."""
+    assert ours.shape == other.shape
+    assert np.abs(ours - other).mean() < 4e-4
+    assert np.abs(ours - other).max() < 5.5 / 64
+
+
+def compare(
+    host, name, camera="/main_cam", frame=2.0, flags=(), warned=(), alike=assert_alike, **choices
+):
     """FrameRecorder's image beside the command's."""
     scene = SCENES / f"{name}.usda"
     ran = host.run(RECORD, scene=scene, camera=camera, frame=frame, choices=choices)
@@ -34,7 +44,7 @@ def compare(host, name, camera="/main_cam", frame=2.0, flags=(), warned=(), **ch
     time = ["-d"] if frame is None else ["-f", f"{frame:g}"]
     named = ["-cam", camera] if camera else []
     other = record(scene, host.folder / "record.exr", "-w", 96, *time, *named, *flags)
-    assert_alike(ran.image("hydra.exr"), other)
+    alike(ran.image("hydra.exr"), other)
     return other
 
 
@@ -57,9 +67,10 @@ def test_native_instances_that_move(host):
     compare(host, "native")
 
 
-def test_what_turns_goes_along_its_arc(index_host):
-    """By a quarter within the shutter, of one piece and instanced."""
-    compare(index_host, "spins")
+def test_what_turns_goes_along_its_arc(host):
+    """By a quarter within the shutter, of one piece and instanced; but authored matrices go
+    straight. The scene delegate tells of three times, the renderer turns things in between."""
+    compare(host, "spins", alike=assert_alike if host.scene_index else assert_near)
 
 
 @pytest.mark.parametrize("camera", ["/main_cam", "/Rig/orbit_cam"])

@@ -1,22 +1,17 @@
 //! The camera's pose over the shutter.
 //!
-//! Between keys the matrix is split into rotation and stretch (polar decomposition, Higham 1986);
-//! the rotation turns at constant speed, stretch and position go linearly, so a turning camera never
-//! shrinks its view, as entry-wise interpolation would.
+//! Between keys a camera always turns ([`crate::motion::turn`]): it never shrinks its view, as
+//! entry-wise interpolation would.
 
-use glam::{DAffine3, DMat3, DQuat, DVec3};
+use glam::{DAffine3, DVec3};
 
+use crate::motion::turn::Polar;
 use crate::motion::{Hierarchy, Shutter, TransformError};
 use crate::scene::TransformSamples;
 
-/// Newton steps of the polar decomposition: it converges quadratically from any matrix that is not
-/// nearly singular; a rigid camera needs one.
-const POLAR_STEPS: usize = 32;
-
 #[derive(Clone, Copy, Debug)]
 struct Pose {
-    rotation: DQuat,
-    stretch: DMat3,
+    polar: Polar,
     translation: DVec3,
 }
 
@@ -37,9 +32,7 @@ impl Poses {
         let hierarchy = Hierarchy::new(samples, shutter)?;
         let key_times = hierarchy.key_times();
         let matrices: Vec<DAffine3> = key_times.iter().map(|&t| hierarchy.matrix(t)).collect();
-        let is_singular = matrices
-            .iter()
-            .any(|m| polar_rotation(&m.matrix3).is_none());
+        let is_singular = matrices.iter().any(|m| Polar::of(&m.matrix3).is_none());
         let poses = matrices.iter().map(split).collect();
         Ok(Self {
             key_times,
@@ -79,45 +72,16 @@ impl Poses {
             0.0
         };
         DAffine3 {
-            matrix3: DMat3::from_quat(a.rotation.slerp(b.rotation, f))
-                * (a.stretch * (1.0 - f) + b.stretch * f),
+            matrix3: a.polar.towards(&b.polar, f),
             translation: a.translation.lerp(b.translation, f),
         }
     }
 }
 
-/// Rotation times stretch. A camera that cannot be inverted looks along the world's axes.
+/// A camera that cannot be inverted looks along the world's axes.
 fn split(m: &DAffine3) -> Pose {
-    let matrix = m.matrix3;
-    let (rotation, stretch) = match polar_rotation(&matrix) {
-        Some(r) => (r, r.transpose() * matrix),
-        None => (DMat3::IDENTITY, DMat3::IDENTITY),
-    };
     Pose {
-        rotation: DQuat::from_mat3(&rotation).normalize(),
-        stretch,
+        polar: Polar::of(&m.matrix3).unwrap_or(Polar::IDENTITY),
         translation: m.translation,
     }
-}
-
-fn polar_rotation(m: &DMat3) -> Option<DMat3> {
-    let determinant = m.determinant();
-    if !(determinant.is_finite() && determinant != 0.0) {
-        return None;
-    }
-    let mut r = *m;
-    for _ in 0..POLAR_STEPS {
-        let next = (r + r.inverse().transpose()) * 0.5;
-        let change = (next - r)
-            .to_cols_array()
-            .iter()
-            .fold(0.0f64, |a, x| a.max(x.abs()));
-        r = next;
-        if change < 1.0e-15 {
-            break;
-        }
-    }
-    // A mirrored camera: the mirror goes into the stretch.
-    let r = if determinant < 0.0 { r * -1.0 } else { r };
-    r.is_finite().then_some(r)
 }

@@ -68,6 +68,7 @@ fn project_inverts_ray_with_offsets_and_every_policy() {
                 transform: vec![TransformSamples {
                     times: vec![0.0],
                     matrices: vec![DMat4::from_rotation_y(0.7)],
+                    ..TransformSamples::default()
                 }],
                 ..CameraDesc::default()
             };
@@ -118,6 +119,7 @@ fn a_turning_camera_does_not_shrink() {
         transform: vec![TransformSamples {
             times: vec![0.0, 1.0],
             matrices: vec![DMat4::IDENTITY, DMat4::from_rotation_y(2.0)],
+            ..TransformSamples::default()
         }],
         ..CameraDesc::default()
     };
@@ -142,6 +144,7 @@ fn bad_cameras_get_a_note_and_something_usable() {
     let flat = TransformSamples {
         times: vec![0.0],
         matrices: vec![DMat4::from_scale(DVec3::new(1.0, 0.0, 1.0))],
+        ..TransformSamples::default()
     };
     let singular = CameraDesc {
         transform: vec![flat],

@@ -34,6 +34,9 @@ pub(super) fn write(page: &mut Page, desc: &InstancerDesc, scene: &Scene, shutte
                 write_resolved(page, name, &resolved);
             }
         }
+        if instancer.matrices_turn() {
+            page.line("matrices turn between samples");
+        }
         for prototype in instancer.prototypes() {
             let members = instancer.members(prototype);
             page.line(&format!("prototype {prototype}: {}", integers(members)));

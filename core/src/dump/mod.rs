@@ -86,6 +86,9 @@ fn write_transform(page: &mut Page, levels: &[TransformSamples], shutter: Shutte
                 let text = matrix(&hierarchy.matrix(time));
                 page.line(&format!("transform{}: {text}", at(times.len(), time)));
             }
+            if hierarchy.turns() {
+                page.line("transform turns between samples");
+            }
         }
         Err(error) => page.line(&format!("transform: {error}")),
     }

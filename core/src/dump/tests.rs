@@ -32,6 +32,7 @@ fn scene() -> Scene {
     common.transform = vec![TransformSamples {
         times: vec![0.0],
         matrices: vec![DMat4::from_translation(DVec3::new(1.0, 1.0e-12, 0.0))],
+        ..TransformSamples::default()
     }];
     let empty = PrimDesc {
         common: PrimCommon::new("/a"),
@@ -132,4 +133,21 @@ fn a_lens_is_told_once_or_at_its_keys() {
     );
     assert!(all.contains("  shutter curve 2: (0 0) (1 1)\n"), "{all}");
     assert!(all.contains("  clipping plane 0 0 -1 -2\n"), "{all}");
+}
+
+#[test]
+fn turns_between_samples_are_told_where_there_are_any() {
+    let told = |angle: f64, turns: bool| {
+        let mut scene = scene();
+        let prim = scene.prims.get_mut(&PrimId(1)).unwrap();
+        Arc::make_mut(prim).common.transform = vec![TransformSamples {
+            times: vec![-1.0, 1.0],
+            matrices: vec![DMat4::IDENTITY, DMat4::from_rotation_z(angle)],
+            turns,
+        }];
+        dump(&scene).contains("  transform turns between samples\n")
+    };
+    assert!(told(1.0, true));
+    assert!(!told(0.0, true));
+    assert!(!told(1.0, false));
 }

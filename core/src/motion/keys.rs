@@ -97,6 +97,11 @@ impl Timeline {
         })
     }
 
+    /// Samples that follow each other in time, by their indices.
+    pub fn neighbours(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+        self.samples.windows(2).map(|pair| (pair[0], pair[1]))
+    }
+
     /// The blend at `time` (in [0, 1] across the shutter).
     pub fn blend(&self, time: f64) -> Blend {
         let next = self.times.partition_point(|&t| t <= time);

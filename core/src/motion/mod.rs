@@ -4,12 +4,13 @@
 //! samples into keys on [0, 1] across the shutter (sorted, de-duplicated, interpolated at open and
 //! close; one key where nothing changes). [`rates`] moves one sample on by velocities and the like.
 //! [`path`] composes transforms and points: a point's path is
-//! M(t) p(t), M interpolated as a matrix, p linearly.
+//! M(t) p(t), M interpolated as a matrix, or along arcs ([`turn`]) where the host says so, p linearly.
 
 pub mod keys;
 pub mod path;
 pub mod rates;
 pub mod transform;
+pub mod turn;
 
 pub use keys::{Shutter, Timeline};
 pub use path::PointPath;

@@ -1,6 +1,7 @@
 //! Transform hierarchies over the shutter.
 //!
-//! Each level of a hierarchy interpolates its own matrices between its own samples; the object's
+//! Each level of a hierarchy interpolates its own matrices between its own samples, entry by entry or
+//! along arcs ([`super::turn`]), as the host says; the object's
 //! matrix at a time is the product of the levels at that time. [`Hierarchy::matrix`] evaluates that
 //! definition; [`keys_within`] finds the times at which it must be sampled so that the
 //! straight path between samples is never farther than a tolerance from it.
@@ -8,6 +9,7 @@
 use glam::{DAffine3, DMat4, DVec3};
 
 use super::keys::{Shutter, Timeline, merge_close, union};
+use super::turn::Turn;
 use crate::scene::TransformSamples;
 
 /// Halvings of one segment, at most, when keys are added for curved motion.
@@ -19,6 +21,8 @@ pub const MAX_KEYS: usize = 129;
 struct Level {
     timeline: Timeline,
     matrices: Vec<DAffine3>,
+    /// From each sample to the one that follows in time, where it turns; empty where nothing does.
+    turns: Vec<Option<Turn>>,
     key_times: Vec<f64>,
 }
 
@@ -60,7 +64,7 @@ impl Hierarchy {
     pub fn new(samples: &[TransformSamples], shutter: Shutter) -> Result<Self, TransformError> {
         let mut hierarchy = Self::default();
         for level in samples {
-            hierarchy.push(&level.times, &level.matrices, shutter)?;
+            hierarchy.push(level, shutter)?;
         }
         Ok(hierarchy)
     }
@@ -71,11 +75,10 @@ impl Hierarchy {
     /// As [`Hierarchy::new`].
     pub fn push(
         &mut self,
-        times: &[f64],
-        matrices: &[DMat4],
+        samples: &TransformSamples,
         shutter: Shutter,
     ) -> Result<(), TransformError> {
-        let matrices: Vec<DAffine3> = matrices.iter().map(affine).collect();
+        let matrices: Vec<DAffine3> = samples.matrices.iter().map(affine).collect();
         if !matrices.iter().all(is_usable) {
             let finite = matrices.iter().all(DAffine3::is_finite);
             return Err(if finite {
@@ -84,9 +87,14 @@ impl Hierarchy {
                 TransformError::NotFinite
             });
         }
-        let count = times.len().min(matrices.len());
-        let timeline = Timeline::new(&times[..count], shutter).ok_or(TransformError::NoSamples)?;
+        let count = samples.times.len().min(matrices.len());
+        let timeline =
+            Timeline::new(&samples.times[..count], shutter).ok_or(TransformError::NoSamples)?;
         let mut level = Level {
+            turns: match samples.turns {
+                true => turns(&timeline, &matrices),
+                false => Vec::new(),
+            },
             timeline,
             matrices,
             key_times: Vec::new(),
@@ -122,6 +130,11 @@ impl Hierarchy {
         self.levels.iter().filter(|l| !l.is_fixed()).count()
     }
 
+    /// True when a level turns between samples, so that its matrix goes along arcs between key times.
+    pub fn turns(&self) -> bool {
+        self.levels.iter().any(|l| !l.turns.is_empty())
+    }
+
     /// Union of the levels' key times; `[0]` when nothing moves.
     pub fn key_times(&self) -> Vec<f64> {
         union(self.levels.iter().map(|l| l.key_times.as_slice()))
@@ -130,8 +143,8 @@ impl Hierarchy {
 
 /// Adds keys to `start` until, between neighbours, every point of `probe` follows a chord no farther
 /// than `tolerance` (world units) from its path `matrix(time) * probe(time)`, as far as
-/// [`MAX_KEYS`] and six halvings go. Chords of rigid points under one moving level are exact, and
-/// get no extra keys.
+/// [`MAX_KEYS`] and six halvings go. Chords of rigid points under one moving level that does not turn
+/// are exact, and get no extra keys.
 pub fn keys_within(
     matrix: &dyn Fn(f64) -> DAffine3,
     start: &[f64],
@@ -209,6 +222,7 @@ impl Level {
         Self {
             timeline,
             matrices: vec![matrix],
+            turns: Vec::new(),
             key_times: vec![0.0],
         }
     }
@@ -219,7 +233,22 @@ impl Level {
 
     fn matrix(&self, time: f64) -> DAffine3 {
         let blend = self.timeline.blend(time);
-        lerp(&self.matrices[blend.a], &self.matrices[blend.b], blend.f)
+        match self.turns.get(blend.a) {
+            Some(Some(turn)) if blend.f != 0.0 => turn.at(blend.f),
+            _ => lerp(&self.matrices[blend.a], &self.matrices[blend.b], blend.f),
+        }
+    }
+}
+
+/// The turns from each sample to the next, by the sample's index; empty where there are none.
+fn turns(timeline: &Timeline, matrices: &[DAffine3]) -> Vec<Option<Turn>> {
+    let mut turns = vec![None; matrices.len()];
+    for (a, b) in timeline.neighbours() {
+        turns[a] = Turn::between(&matrices[a], &matrices[b]);
+    }
+    match turns.iter().any(Option::is_some) {
+        true => turns,
+        false => Vec::new(),
     }
 }
 
@@ -247,6 +276,14 @@ mod tests {
         TransformSamples {
             times: times.to_vec(),
             matrices: matrices.to_vec(),
+            turns: false,
+        }
+    }
+
+    fn turning(times: &[f64], matrices: &[DMat4]) -> TransformSamples {
+        TransformSamples {
+            turns: true,
+            ..level(times, matrices)
         }
     }
 
@@ -305,6 +342,61 @@ mod tests {
                 let chord = at(w[0]) * (1.0 - f) + at(w[1]) * f;
                 assert!((at(t) - chord).abs() <= 0.01);
             }
+        }
+    }
+
+    /// Samples in no order, one of them outside of the shutter.
+    #[test]
+    fn a_turning_parent_carries_its_child_along_an_arc() {
+        let child = level(&[0.0], &[DMat4::from_translation(DVec3::X * 10.0)]);
+        let angles = [1.5, -0.5, 0.5];
+        let parent = turning(&[1.5, -0.5, 0.5], &angles.map(DMat4::from_rotation_z));
+        let h = Hierarchy::new(&[child, parent], SHUTTER).unwrap();
+        assert!(h.turns() && h.moving_levels() == 1);
+        assert_eq!(h.key_times(), [0.0, 0.5, 1.0]);
+        for i in 0..=200 {
+            let t = f64::from(i) / 200.0;
+            let at = h.matrix(t).transform_point3(DVec3::ZERO);
+            let expected = DVec3::new(t.cos(), t.sin(), 0.0) * 10.0;
+            assert!((at - expected).length() < 1.0e-11, "{at} at {t}");
+        }
+    }
+
+    #[test]
+    fn without_the_flag_and_without_a_turn_matrices_go_straight() {
+        let flat = DMat4::from_rotation_z(1.2) * DMat4::from_scale(DVec3::new(1.0, 1.0, 0.0));
+        let mirrored = DMat4::from_rotation_z(1.2) * DMat4::from_scale(DVec3::new(1.0, 1.0, -1.0));
+        let scaled = DMat4::from_scale(DVec3::new(1.1, 2.3, 0.7));
+        let quarter = DMat4::from_rotation_z(1.2);
+        let moved = DMat4::from_translation(DVec3::ONE);
+        for (to, flag) in [
+            (flat, true),
+            (mirrored, true),
+            (scaled, true),
+            (moved, true),
+            (quarter, false),
+        ] {
+            let mut samples = level(&[0.0, 1.0], &[DMat4::IDENTITY, to]);
+            samples.turns = flag;
+            let h = Hierarchy::new(&[samples], SHUTTER).unwrap();
+            assert!(!h.turns());
+            for t in [0.0, 0.25, 1.0 / 3.0, 0.9, 1.0] {
+                let expected = lerp(&DAffine3::IDENTITY, &affine(&to), t);
+                assert_eq!(h.matrix(t), expected);
+            }
+        }
+    }
+
+    #[test]
+    fn nearly_half_a_turn_gets_its_keys() {
+        let half = DMat4::from_rotation_z(0.999 * std::f64::consts::PI);
+        let h = Hierarchy::new(&[turning(&[0.0, 1.0], &[DMat4::IDENTITY, half])], SHUTTER).unwrap();
+        let keys = keys_within(&|t| h.matrix(t), &h.key_times(), 0.001, &|_| vec![DVec3::X]);
+        let at = |t: f64| h.matrix(t).transform_point3(DVec3::X);
+        assert!(keys.len() > 32 && (at(0.3).length() - 1.0).abs() < 1.0e-12);
+        for w in keys.windows(2) {
+            let chord = at(w[0]).midpoint(at(w[1]));
+            assert!((at(0.5 * (w[0] + w[1])) - chord).length() <= 0.001);
         }
     }
 

@@ -44,6 +44,8 @@ pub struct InstanceArrays {
     pub scales: Samples<Vec3>,
     /// Applied before scales.
     pub matrices: Samples<DMat4>,
+    /// Between samples, matrices turn as those of [`TransformSamples::turns`] do.
+    pub matrices_turn: bool,
     /// Units a second. With velocities or angular velocities, instances move on from the samples at or
     /// before the frame, and later samples of any array are not used.
     pub velocities: Samples<Vec3>,

@@ -7,7 +7,7 @@
 //!   (half-turns between two keys, scales through zero) cannot carry rays into object space: it is
 //!   flattened by itself.
 //!
-//! Both follow the same path of motion, M(t) p(t) with M interpolated as a matrix.
+//! Both follow the same path of motion, M(t) p(t) with M as its levels interpolate it.
 
 use glam::{DAffine3, DVec3};
 

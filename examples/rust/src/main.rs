@@ -113,6 +113,7 @@ fn add_ball(session: &Session) -> Result<(), String> {
         times: times.as_ptr(),
         matrices: matrices.as_ptr().cast(),
         count: times.len(),
+        turns: 0,
     };
     let mut ball = 0;
     // SAFETY: all pointers are to live values of the lengths that are told.
@@ -134,6 +135,7 @@ fn add_camera(session: &Session) -> Result<(), String> {
         times: &0.0,
         matrices: matrix.as_ptr(),
         count: 1,
+        turns: 0,
     };
     let mut camera = 0;
     // SAFETY: all pointers are to live values of the lengths that are told.

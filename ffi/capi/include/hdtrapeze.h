@@ -680,6 +680,11 @@ typedef struct trz_transform_samples {
   const double *matrices;
   // Number of samples.
   size_t count;
+  // 0: between samples, matrices are interpolated entry by entry, so what turns there is flattened.
+  // 1: rotations turn at constant speed about the level's own origin, by less than half a turn from
+  // sample to sample; stretch and position go linearly (polar decomposition). Matrices that cannot be
+  // inverted, or mirror at one end only, are interpolated as with 0. Cameras always turn.
+  uint32_t turns;
 } trz_transform_samples;
 
 // Arrays of values at several times, of as many floats a value as the field that holds them says.
@@ -776,7 +781,7 @@ typedef struct trz_matrix_samples {
 // and on in the same way where the instancer is part of another's prototype.
 //
 // Without rates, arrays are interpolated between their own samples: orientations along great arcs,
-// others linearly. With velocities or angular_velocities, every array stays at its sample at or
+// matrices as matrices_turn says, others linearly. With velocities or angular_velocities, every array stays at its sample at or
 // before the frame; dt seconds after it, an instance is at p + dt (v + dt a / 2), and has turned by
 // dt |w| degrees about w, after its orientation. As in USD, rates count where their samples before
 // and after the frame have the times of those of the positions (orientations), and are as many; so a
@@ -821,6 +826,8 @@ typedef struct trz_instancer {
   struct trz_float_samples angular_velocities;
   // Time codes a second; above 0 where there are rates.
   double time_codes_per_second;
+  // How matrices are interpolated; see turns of trz_transform_samples.
+  uint32_t matrices_turn;
 } trz_instancer;
 
 // Settings of a render.

@@ -44,6 +44,11 @@ pub struct trz_transform_samples {
     pub matrices: *const f64,
     /// Number of samples.
     pub count: usize,
+    /// 0: between samples, matrices are interpolated entry by entry, so what turns there is flattened.
+    /// 1: rotations turn at constant speed about the level's own origin, by less than half a turn from
+    /// sample to sample; stretch and position go linearly (polar decomposition). Matrices that cannot be
+    /// inverted, or mirror at one end only, are interpolated as with 0. Cameras always turn.
+    pub turns: u32,
 }
 
 /// Topology and subdivision options of a mesh, as authored. Contradictions between counts and
@@ -217,7 +222,7 @@ pub struct trz_matrix_samples {
 /// and on in the same way where the instancer is part of another's prototype.
 ///
 /// Without rates, arrays are interpolated between their own samples: orientations along great arcs,
-/// others linearly. With velocities or angular_velocities, every array stays at its sample at or
+/// matrices as matrices_turn says, others linearly. With velocities or angular_velocities, every array stays at its sample at or
 /// before the frame; dt seconds after it, an instance is at p + dt (v + dt a / 2), and has turned by
 /// dt |w| degrees about w, after its orientation. As in USD, rates count where their samples before
 /// and after the frame have the times of those of the positions (orientations), and are as many; so a
@@ -264,6 +269,8 @@ pub struct trz_instancer {
     pub angular_velocities: trz_float_samples,
     /// Time codes a second; above 0 where there are rates.
     pub time_codes_per_second: f64,
+    /// How matrices are interpolated; see turns of trz_transform_samples.
+    pub matrices_turn: u32,
 }
 
 /// Basis, wrap and counts of curves. The primvar widths gives their diameters (1 where there is none),

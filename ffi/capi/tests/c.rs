@@ -72,7 +72,7 @@ macro_rules! layouts {
 
 fn all_layouts() -> Layouts {
     layouts! {
-        trz_transform_samples { times, matrices, count }
+        trz_transform_samples { times, matrices, count, turns }
         trz_topology {
             struct_size, scheme, boundary, face_varying, triangles, orientation,
             face_vertex_counts, face_count, face_vertex_indices, index_count, holes, hole_count,
@@ -94,7 +94,7 @@ fn all_layouts() -> Layouts {
         trz_instancer {
             struct_size, instance_count, prototype_count, prototypes, prototype_index_count, mask,
             mask_count, ids, id_count, positions, orientations, scales, matrices, velocities,
-            accelerations, angular_velocities, time_codes_per_second,
+            accelerations, angular_velocities, time_codes_per_second, matrices_turn,
         }
         trz_curves { struct_size, basis, wrap, form, vertex_counts, curve_count }
         trz_implicit { struct_size, kind, axis, orientation, times, sizes, sample_count }

@@ -228,6 +228,7 @@ fn fixed(matrix: DMat4) -> TransformSamples {
     TransformSamples {
         times: vec![0.0],
         matrices: vec![matrix],
+        ..TransformSamples::default()
     }
 }
 
@@ -345,7 +346,11 @@ fn tumbling() -> Scene {
                         * DMat4::from_scale(DVec3::splat(0.45))
                 })
                 .collect();
-            prim.common.transform = vec![TransformSamples { times, matrices }];
+            prim.common.transform = vec![TransformSamples {
+                times,
+                matrices,
+                ..TransformSamples::default()
+            }];
             prim
         })
         .collect();

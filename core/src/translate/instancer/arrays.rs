@@ -8,7 +8,7 @@ use super::moment::{self, Mix, Moment, Rated};
 use crate::diagnostics::Code;
 use crate::motion::keys::{self, Timeline};
 use crate::motion::rates::{Bracket, RateFault, matching};
-use crate::motion::{Shutter, transform};
+use crate::motion::{Shutter, transform, turn};
 use crate::scene::{InstanceArrays, Samples};
 
 /// Samples of one array, all of the same length.
@@ -64,6 +64,8 @@ pub(super) struct Arrays {
     pub orientations: Option<Track<Quat>>,
     pub scales: Option<Track<Vec3>>,
     pub matrices: Option<Track<DMat4>>,
+    /// Matrices turn between samples.
+    pub matrices_turn: bool,
     pub velocities: Option<Rate>,
     pub accelerations: Option<Arc<Vec<Vec3>>>,
     pub spins: Option<Rate>,
@@ -133,6 +135,10 @@ impl Arrays {
             let text = "the number of instances changes within the shutter; they do not move";
             warn(Code::TimeSamples, text.to_owned());
         }
+        let moves = |track: &Track<DMat4>| track.key_times(shutter.is_still()).len() > 1;
+        out.matrices_turn = from.matrices_turn
+            && out.matrices.as_ref().is_some_and(moves)
+            && turn::any_turns(&from.matrices);
         out.count_quaternions(warn);
         out.choose_keys(nonlinear_samples);
         Some(out)
@@ -233,7 +239,8 @@ impl Arrays {
             return;
         }
         let others = moves(&positions) || moves(&orientations) || moves(&scales);
-        self.bends = curved || moves(&orientations) || (moves(&matrices) && others);
+        self.bends =
+            curved || moves(&orientations) || self.matrices_turn || (moves(&matrices) && others);
     }
 
     /// One byte an instance, or none where all are there.
@@ -277,6 +284,7 @@ impl Arrays {
             orientations: self.orientations.as_ref().map(|t| t.at(time)),
             scales: self.scales.as_ref().map(|t| t.at(time)),
             matrices: self.matrices.as_ref().map(|t| t.at(time)),
+            matrices_turn: self.matrices_turn,
             velocities: self.velocities.as_ref().map(|rate| Rated {
                 values: &rate.values,
                 seconds: seconds(rate.from),

@@ -105,6 +105,11 @@ impl Instancer {
         self.arrays.at(time).matrix(i)
     }
 
+    /// Whether matrices of instances turn between samples.
+    pub fn matrices_turn(&self) -> bool {
+        self.arrays.matrices_turn
+    }
+
     /// Key times of its own arrays, [0, 1] across the shutter; `[0]` where they do not move.
     pub fn key_times(&self) -> &[f64] {
         &self.arrays.key_times

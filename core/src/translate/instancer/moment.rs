@@ -4,6 +4,7 @@ use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, Quat, Vec3};
 
 use crate::motion::rates::turn;
 use crate::motion::transform::{is_usable, lerp};
+use crate::motion::turn::Turn;
 
 /// Quaternions with a squared length within this of 1 are meant to be unit (half precision leaves 0.002,
 /// numbers typed by hand more). They are taken as they are, as USD does; others are normalized.
@@ -47,6 +48,7 @@ pub(super) struct Moment<'a> {
     pub orientations: Option<Mix<'a, Quat>>,
     pub scales: Option<Mix<'a, Vec3>>,
     pub matrices: Option<Mix<'a, DMat4>>,
+    pub matrices_turn: bool,
     pub velocities: Option<Rated<'a>>,
     pub accelerations: Option<&'a [Vec3]>,
     pub spins: Option<Rated<'a>>,
@@ -103,7 +105,11 @@ impl Moment<'_> {
         match &self.matrices {
             Some(mix) => {
                 let (a, b) = (DAffine3::from_mat4(mix.a[i]), DAffine3::from_mat4(mix.b[i]));
-                m * lerp(&a, &b, mix.f)
+                let turns = self.matrices_turn && mix.f != 0.0;
+                m * match turns.then(|| Turn::between(&a, &b)).flatten() {
+                    Some(turn) => turn.at(mix.f),
+                    None => lerp(&a, &b, mix.f),
+                }
             }
             None => m,
         }

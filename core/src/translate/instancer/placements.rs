@@ -84,8 +84,8 @@ impl Placements {
         keys::union(lists.iter().map(Vec::as_slice))
     }
 
-    /// True where matrices need not go straight from key to key: an array bends, or moving things
-    /// multiply.
+    /// True where matrices need not go straight from key to key: an array or a level bends, or moving
+    /// things multiply.
     pub fn bends(&self) -> bool {
         let moving = |link: &Link| {
             let own = usize::from(link.instancer.arrays.key_times.len() > 1);
@@ -93,7 +93,11 @@ impl Placements {
         };
         let factors: usize = self.links.iter().map(moving).sum();
         factors + self.prim.moving_levels() > 1
-            || self.links.iter().any(|link| link.instancer.arrays.bends)
+            || self.prim.turns()
+            || self
+                .links
+                .iter()
+                .any(|link| link.instancer.arrays.bends || link.instancer.hierarchy.turns())
     }
 
     /// Degrees that a placement spins by over the shutter, whatever its keys show of it.

@@ -94,6 +94,51 @@ fn each_array_has_its_own_samples() {
 }
 
 #[test]
+fn matrices_turn_where_the_host_says_so() {
+    let matrix = |angle: f64| [DMat4::IDENTITY, DMat4::from_rotation_z(angle)];
+    let arrays = |angle: f64, matrices_turn: bool| InstanceArrays {
+        instance_count: 2,
+        positions: still(&[Vec3::X, Vec3::Y]),
+        matrices: samples(&[(-0.25, &matrix(0.0)), (0.25, &matrix(angle))]),
+        matrices_turn,
+        ..InstanceArrays::default()
+    };
+    let (i, _) = resolve(arrays(3.0, true));
+    assert!(i.matrices_turn() && i.arrays.bends);
+    let expected = DMat4::from_translation(DVec3::Y) * DMat4::from_rotation_z(0.9);
+    assert_near(i.instance(1, 0.3), DAffine3::from_mat4(expected));
+    assert_near(i.instance(0, 0.3), DAffine3::from_translation(DVec3::X));
+
+    let (i, _) = resolve(arrays(3.0, false));
+    assert!(!i.arrays.bends);
+    let blend = DMat4::IDENTITY * 0.7 + DMat4::from_rotation_z(3.0) * 0.3;
+    let expected = DMat4::from_translation(DVec3::Y) * blend;
+    assert_near(i.instance(1, 0.3), DAffine3::from_mat4(expected));
+
+    let (i, _) = resolve(arrays(0.0, true));
+    assert!(!i.matrices_turn() && !i.arrays.bends);
+}
+
+#[test]
+fn levels_that_turn_bend_what_they_place() {
+    let level = |turns: bool| TransformSamples {
+        times: vec![-0.25, 0.25],
+        matrices: vec![DMat4::IDENTITY, DMat4::from_rotation_z(3.0)],
+        turns,
+    };
+    let placed = |of_instancer: Vec<TransformSamples>, of_prim: &[TransformSamples]| {
+        let mut desc = desc(three());
+        desc.transform = of_instancer;
+        let instancer = Instancer::new(&desc, None, SHUTTER, &mut Vec::new());
+        let prim = Hierarchy::new(of_prim, SHUTTER).unwrap();
+        Placements::new(Arc::new(instancer), 0, prim)
+    };
+    assert!(placed(vec![level(true)], &[]).bends());
+    assert!(placed(vec![], &[level(true)]).bends());
+    assert!(!placed(vec![level(false)], &[]).bends());
+}
+
+#[test]
 fn rates_move_the_sample_before_the_frame() {
     let q = Quat::from_rotation_x(1.0);
     let w = Vec3::new(0.0, 0.0, 720.0);
@@ -283,6 +328,7 @@ fn nested_instancers_multiply_outermost_first() {
     let level = |x: f64| TransformSamples {
         times: vec![0.0],
         matrices: vec![DMat4::from_rotation_z(x)],
+        ..TransformSamples::default()
     };
     let mut outer = three();
     outer.prototypes = vec![1, 0, 1];

@@ -29,6 +29,7 @@ pub(crate) unsafe fn instancer(from: &trz_instancer) -> Result<InstanceArrays, F
             })?,
             scales: samples(&from.scales, "scales", vec3)?,
             matrices: matrix_samples(&from.matrices)?,
+            matrices_turn: from.matrices_turn != 0,
             velocities: samples(&from.velocities, "velocities", vec3)?,
             accelerations: samples(&from.accelerations, "accelerations", vec3)?,
             angular_velocities: samples(&from.angular_velocities, "angular_velocities", vec3)?,

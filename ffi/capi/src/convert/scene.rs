@@ -296,6 +296,7 @@ pub(crate) unsafe fn transform(
             Ok(TransformSamples {
                 times: copied(slice(level.times, level.count, "times")?, |&t| t)?,
                 matrices: matrices(slice(level.matrices, doubles, "matrices")?)?,
+                turns: level.turns != 0,
             })
         }
     };

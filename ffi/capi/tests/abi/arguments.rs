@@ -277,6 +277,7 @@ fn counts_that_cannot_be() {
             times: &0.0,
             matrices: IDENTITY.as_ptr(),
             count: 0,
+            turns: 0,
         };
         fails(trz_prim_set_transform(s, mesh, &level, 1), bad);
         let camera = session.camera("/camera");

@@ -98,3 +98,60 @@ fn blur_is_scaled_about_the_frame() {
     ok(unsafe { trz_prim_set_double_sided(session.0, square, 1) });
     ok(session.commit());
 }
+
+static TIMES: [f64; 2] = [0.0, 1.0];
+
+/// USD's matrix of a turn about z.
+fn turned(degrees: f64) -> [f64; 16] {
+    let (sine, cosine) = degrees.to_radians().sin_cos();
+    let mut matrix = IDENTITY;
+    (matrix[0], matrix[1], matrix[4], matrix[5]) = (cosine, sine, -sine, cosine);
+    matrix
+}
+
+#[test]
+fn transforms_turn_between_samples_where_asked_to() {
+    let (session, square) = square();
+    let matrices = [turned(0.0), turned(120.0)];
+    for (turns, x) in [(0, -0.3125), (1, -0.875)] {
+        let level = trz_transform_samples {
+            times: TIMES.as_ptr(),
+            matrices: matrices.as_ptr().cast(),
+            count: 2,
+            turns,
+        };
+        // SAFETY: pointers to live values.
+        ok(unsafe { trz_prim_set_transform(session.0, square, &level, 1) });
+        ok(session.commit());
+        assert_eq!(left_edge(&session, 0.5), x, "{turns}");
+    }
+}
+
+#[test]
+fn matrices_of_instances_turn_between_samples_where_asked_to() {
+    let (session, square) = square();
+    let instancer = session.instancer("/instancer");
+    let matrices = [turned(0.0), turned(120.0)];
+    let counts = [1, 1];
+    let values = [matrices[0].as_ptr(), matrices[1].as_ptr()];
+    for (matrices_turn, x) in [(0, -0.3125), (1, -0.875)] {
+        let desc = trz_instancer {
+            instance_count: 1,
+            matrices: trz_matrix_samples {
+                times: TIMES.as_ptr(),
+                sample_count: 2,
+                values: values.as_ptr(),
+                counts: counts.as_ptr(),
+            },
+            matrices_turn,
+            ..no_instances()
+        };
+        // SAFETY: pointers to live values.
+        unsafe {
+            ok(trz_instancer_set(session.0, instancer, &desc));
+            ok(trz_prim_set_instancer(session.0, square, instancer, 0));
+        }
+        ok(session.commit());
+        assert_eq!(left_edge(&session, 0.5), x, "{matrices_turn}");
+    }
+}

@@ -229,6 +229,7 @@ fn null_arguments() {
         times: null(),
         matrices: IDENTITY.as_ptr(),
         count: 1,
+        turns: 0,
     };
     let no_curve = trz_camera {
         shutter_curve_count: 1,

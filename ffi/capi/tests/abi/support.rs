@@ -56,6 +56,7 @@ impl Session {
             times: &0.0,
             matrices: matrix.as_ptr(),
             count: 1,
+            turns: 0,
         };
         let settings = small_settings(4);
         // SAFETY: pointers to live values.

@@ -22,6 +22,7 @@ pub fn moving(matrices: &[DMat4]) -> TransformSamples {
     TransformSamples {
         times: (0..matrices.len()).map(|i| i as f64 / last).collect(),
         matrices: matrices.to_vec(),
+        ..TransformSamples::default()
     }
 }
 
