@@ -6,6 +6,7 @@ Trapeze as the scene's render engine. The plugin must be built for Blender's own
 """
 
 import os
+import sys
 from pathlib import Path
 from typing import ClassVar
 
@@ -40,6 +41,7 @@ class TrapezePreferences(bpy.types.AddonPreferences):
     """Where the plugin is."""
 
     bl_idname = __name__
+    error = ""
 
     plugin: bpy.props.StringProperty(
         name="Plugin folder",
@@ -48,8 +50,10 @@ class TrapezePreferences(bpy.types.AddonPreferences):
     )
 
     def draw(self, _context):
-        """The one field there is."""
+        """The one field there is, and why there is no engine where it is wrong."""
         self.layout.prop(self, "plugin")
+        if TrapezePreferences.error:
+            self.layout.label(text=TrapezePreferences.error, icon="ERROR")
 
 
 class TrapezeSettings(bpy.types.PropertyGroup):
@@ -140,7 +144,8 @@ class TrapezePanel(bpy.types.Panel):
             layout.prop(context.scene.hdtrapeze, name)
 
 
-CLASSES = (TrapezePreferences, TrapezeSettings, TrapezeRenderEngine, TrapezePanel)
+CLASSES = (TrapezeSettings, TrapezeRenderEngine, TrapezePanel)
+"""What there is where the plugin is; the preferences are there in any case."""
 
 
 def plugin_folder() -> str:
@@ -159,17 +164,34 @@ def _panels():
             yield panel
 
 
-def register():
-    """Loads the plugin's description, then adds the engine."""
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
-    folder = plugin_folder()
-    if not (folder and (Path(folder) / "plugInfo.json").is_file()):
-        print(f"Trapeze: no plugInfo.json in {folder!r}; see the add-on's preferences")
-        return
-    from pxr import Plug
+def load_plugin(folder: str) -> str:
+    """Loads the plugin of a folder; why it cannot be, or nothing."""
+    if not folder:
+        return "no plugin folder is named"
+    if not (Path(folder) / "plugInfo.json").is_file():
+        return f"there is no plugInfo.json in {folder!r}"
+    from pxr import Plug, Tf
 
     Plug.Registry().RegisterPlugins([folder])
+    plugin = Plug.Registry().GetPluginWithName("hdTrapeze")
+    try:
+        loaded = plugin is not None and plugin.Load()
+    except Tf.ErrorException as error:
+        return f"the plugin in {folder!r} does not load: {error}"
+    return "" if loaded else f"there is no plugin hdTrapeze in {folder!r}"
+
+
+def register():
+    """Loads the plugin, then adds the engine; without a plugin it would render nothing."""
+    bpy.utils.register_class(TrapezePreferences)
+    error = load_plugin(plugin_folder())
+    TrapezePreferences.error = error
+    if error:
+        text = f"ERROR: Trapeze: {error}; choose the plugin folder in the add-on's preferences"
+        print(text, file=sys.stderr)
+        return
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
     for panel in _panels():
         panel.COMPAT_ENGINES.add(TrapezeRenderEngine.bl_idname)
 
@@ -179,7 +201,9 @@ def unregister():
     for panel in _panels():
         panel.COMPAT_ENGINES.discard(TrapezeRenderEngine.bl_idname)
     for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)
+        if cls.is_registered:
+            bpy.utils.unregister_class(cls)
+    bpy.utils.unregister_class(TrapezePreferences)
 
 
 if __name__ == "__main__":

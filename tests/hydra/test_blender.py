@@ -37,15 +37,33 @@ hdtrapeze_engine.unregister()
 """
 
 
-@pytest.mark.skipif(
+WRONG = """
+import sys
+
+sys.path[:0] = [{blender!r}, {addon!r}]
+import bpy
+import hdtrapeze_engine
+
+hdtrapeze_engine.register()
+try:
+    bpy.context.scene.render.engine = "HDTRAPEZE"
+    print("there is an engine")
+except TypeError:
+    print("there is no engine")
+hdtrapeze_engine.unregister()
+"""
+
+pytestmark = pytest.mark.skipif(
     sdk.configured() and not os.environ.get("OPENUSD_BLENDER"),
     reason="OPENUSD_BLENDER does not name the folder that holds Blender's module bpy",
 )
-def test_blender_renders_with_the_engine_of_the_add_on(tmp_path):
+
+
+def run(tmp_path, script, plugin):
+    """A script in Blender's interpreter, with the folder of the plugin."""
     addon = sdk.ROOT / "examples/blender"
-    blender = os.environ["OPENUSD_BLENDER"]
-    script = SCRIPT.format(blender=blender, addon=str(addon))
-    environment = sdk.environment(False) | {"HDTRAPEZE_PLUGIN": str(sdk.PLUGIN)}
+    script = script.format(blender=os.environ["OPENUSD_BLENDER"], addon=str(addon))
+    environment = sdk.environment(False) | {"HDTRAPEZE_PLUGIN": str(plugin)}
     del environment["PXR_PLUGINPATH_NAME"]
     done = subprocess.run(
         [sdk.python(), "-c", script],
@@ -56,6 +74,27 @@ def test_blender_renders_with_the_engine_of_the_add_on(tmp_path):
         timeout=60,
     )
     assert done.returncode == 0, done.stderr[-2000:]
+    return done
+
+
+@pytest.mark.parametrize("name", ["missing", "empty", "broken", "other", ""])
+def test_a_wrong_plugin_folder_is_an_error(tmp_path, name):
+    """Rather no engine than one whose images are black."""
+    folder = tmp_path / name if name else ""
+    if name not in ("missing", ""):
+        folder.mkdir()
+    if name in ("broken", "other"):
+        info = (sdk.PLUGIN / "plugInfo.json").read_text()
+        name_of = {"broken": "hdTrapeze", "other": "hdOther"}[name]
+        (folder / "plugInfo.json").write_text(info.replace('"hdTrapeze"', f'"{name_of}"'))
+    done = run(tmp_path, WRONG, folder)
+    assert "there is no engine" in done.stdout
+    assert done.stderr.count("ERROR: Trapeze: ") == 1
+    assert str(folder) in done.stderr
+
+
+def test_blender_renders_with_the_engine_of_the_add_on(tmp_path):
+    run(tmp_path, SCRIPT, sdk.PLUGIN)
     alphas = {n: read_png(Path(tmp_path, f"{n}.png"))[..., 3] / 255 for n in ("sharp", "defocused")}
     areas = {name: alpha.mean() for name, alpha in alphas.items()}
     edges = {n: ((a > 0.05) & (a < 0.95)).mean() for n, a in alphas.items()}
