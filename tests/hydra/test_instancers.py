@@ -171,6 +171,47 @@ def test_prims_enter_and_leave_prototypes(host):
     assert sum(changed) >= 9
 
 
+HANDS = """
+def show(*prototypes):
+    with Sdf.ChangeBlock():
+        for name, prototype in zip("ij", prototypes):
+            UsdGeom.PointInstancer.Get(stage, f"/{name}").GetPrototypesRel().SetTargets([prototype])
+
+stage = Usd.Stage.Open(scene)
+live = View(stage, "/camera", size=(48, 48), aov="P", samples=4)
+live.render(0)
+hands = [("/leaf", "/nested"), ("/nested", "/leaf"), ("/nested", "/nested"), ("/leaf", "/nested")]
+for number, prototypes in enumerate(hands):
+    show(*prototypes)
+    live.render(0)
+    live.save(f"live{number}.exr")
+    fresh = View(stage, "/camera", size=(48, 48), aov="P", samples=4)
+    fresh.render(0)
+    fresh.save(f"fresh{number}.exr")
+"""
+
+
+def test_a_nested_instancer_changes_hands(index_host):
+    """It is another instancer's prototype after an edit, which scene delegates tell nobody of."""
+
+    def author(stage):
+        instance_scenes.box(stage, "/leaf", 0.3)
+        instance_scenes.box(stage, "/nested/part", 0.2)
+        instance_scenes.points(stage, "/nested", ["/nested/part"], [0, 0], [(0, 0, 0), (0, 1, 0)])
+        for x, name in ((-3, "i"), (2, "j")):
+            path, places = f"/{name}", [(x, 0, 0), (x + 1.5, 1, 0)]
+            instance_scenes.points(stage, path, ["/nested"], [0, 0], places)
+
+    ran = index_host.run(HANDS, scene=export(index_host, author))
+    assert ran.warnings == []
+    images = [read_exr(ran.folder / f"live{i}.exr") for i in range(4)]
+    for i, image in enumerate(images):
+        fresh = read_exr(ran.folder / f"fresh{i}.exr")
+        for axis in "XYZ":
+            np.testing.assert_array_equal(image[f"P.{axis}"], fresh[f"P.{axis}"], str(i))
+    assert all((a["P.X"] != b["P.X"]).any() for a, b in pairwise(images))
+
+
 def test_several_values_for_each_instance(host):
     """Hosts before 26.08 do not say so: rather no values than those of others, and one warning."""
 

@@ -116,11 +116,12 @@ def test_stopped_and_started_again(host):
     view.draw(2)
     view.engine.StopRenderer()
     edit(stage, "/Slowed.xformOp:translate", Gf.Vec3d(1, 0, 0), 2)
-    view.set(samples=4)
+    view.set(samples=500_000)
     done = [view.draw(2), view.draw(2)]
     edit(stage, "/Slowed.xformOp:translate", Gf.Vec3d(0, -1.5, 0), 2)
     view.engine.RestartRenderer()
     done.append(view.draw(2))
+    view.set(samples=4)
     view.render(2)
     view.save("view.exr")
     for _ in range(20):
