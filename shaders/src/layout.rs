@@ -56,6 +56,56 @@ pub struct Hit {
     pub cell: u32,
 }
 
+/// One object: where its parts are in the buffers of a scene.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Object {
+    /// Reference to the root of its tree, as `slabs.wgsl` has it.
+    pub root: u32,
+    /// First word of its [`GridHeader`]s.
+    pub grids: u32,
+    /// First float of its vertices.
+    pub planes: u32,
+    /// First word of its key times.
+    pub key_times: u32,
+    /// Number of keys.
+    pub key_count: u32,
+    /// Largest magnitude of any coordinate or bound.
+    pub radius: f32,
+}
+
+/// One instance of an object.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+pub struct Instance {
+    /// Its number among the objects.
+    pub object: u32,
+    /// First of its rows of matrices: 1 of a translation, 3 of a fixed matrix, 3 a key of moving ones.
+    pub matrices: u32,
+    /// First word of its key times.
+    pub key_times: u32,
+    /// Number of keys; 0 for a translation, 1 for a fixed matrix.
+    pub key_count: u32,
+}
+
+/// What a launch of the stage `trace` works on.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct TraceLaunch {
+    /// Reference to the root of the tree over instances.
+    pub root: u32,
+    /// Rays in the buffer.
+    pub ray_count: u32,
+    /// Rays of one row of workgroups.
+    pub row: u32,
+    /// 1: any hit will do.
+    pub any: u32,
+    /// Bounds the magnitude of every coordinate of every instance.
+    pub radius: f32,
+    /// Pad of slab tests against the tree over instances, per unit of distance from the world's origin.
+    pub pad: f32,
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -115,6 +165,28 @@ mod tests {
                 instance,
                 grid,
                 cell
+            }),
+            rust_layout!(Object {
+                root,
+                grids,
+                planes,
+                key_times,
+                key_count,
+                radius
+            }),
+            rust_layout!(Instance {
+                object,
+                matrices,
+                key_times,
+                key_count
+            }),
+            rust_layout!(TraceLaunch {
+                root,
+                ray_count,
+                row,
+                any,
+                radius,
+                pad
             }),
         ]
     }

@@ -124,6 +124,11 @@ impl ObjectGeometry {
         }
     }
 
+    /// The same micropolygons with a tree of the [plain](Self::plain) kind.
+    pub fn made_plain(&self) -> Self {
+        Self::plain(DicedMesh::from(&self.mesh))
+    }
+
     fn relative(mesh: DicedMesh, found: Built) -> Self {
         let mesh = PlanarMesh::from(mesh);
         let stats = BvhStats {

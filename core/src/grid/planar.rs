@@ -141,6 +141,34 @@ impl From<DicedMesh> for PlanarMesh {
     }
 }
 
+impl From<&PlanarMesh> for DicedMesh {
+    /// The positions again; those of grids that are not sound are zero.
+    fn from(mesh: &PlanarMesh) -> Self {
+        let mut out = DicedMesh {
+            origin: mesh.origin,
+            key_times: mesh.key_times.clone(),
+            grids: mesh.grids.clone(),
+            vertex_count: mesh.vertex_count,
+            positions: vec![Vec3::ZERO; mesh.vertex_count * mesh.key_count()],
+            normal_key_count: mesh.normal_key_count,
+            normals: mesh.normals.clone(),
+            channels: mesh.channels.clone(),
+        };
+        for g in 0..mesh.grids.len() {
+            if !out.is_sound(g) {
+                continue;
+            }
+            let n = mesh.grids[g].vertex_count();
+            let first = mesh.grids[g].first_vertex as usize * mesh.key_count();
+            let places = (0..mesh.key_count()).flat_map(|k| (0..n).map(move |i| (k, i)));
+            for (place, (k, i)) in places.enumerate() {
+                out.positions[first + place] = mesh.position(g, k, i);
+            }
+        }
+        out
+    }
+}
+
 impl PlanarMesh {
     /// Turns the positions of a mesh into planes, in place. Runs of grids are handed to `visit`, from several
     /// threads, which turns them; what it returned, in the order of the grids. A mesh that is not

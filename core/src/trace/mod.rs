@@ -17,6 +17,7 @@ mod movers;
 pub mod object_ray;
 pub mod packet;
 mod pairs;
+pub mod parts;
 pub mod places;
 mod query;
 mod relative;

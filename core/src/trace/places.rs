@@ -315,7 +315,7 @@ impl InstanceSet {
 
 impl Record {
     #[inline]
-    fn matrix(&self) -> DMat3 {
+    pub(super) fn matrix(&self) -> DMat3 {
         DMat3::from_cols_array(&self.linear.map(f64::from))
     }
 

@@ -39,3 +39,47 @@ struct Hit {
     // Cell of the grid.
     cell: u32,
 }
+
+// One object: where its parts are in the buffers of a scene.
+struct Object {
+    // Reference to the root of its tree; see nodes.wgsl.
+    root: u32,
+    // First word of its grids in `words`, a GridHeader each.
+    grids: u32,
+    // First float of its vertices in `planes`.
+    planes: u32,
+    // First of its key times in `words`.
+    key_times: u32,
+    // Number of keys.
+    key_count: u32,
+    // Largest magnitude of any coordinate or bound.
+    radius: f32,
+}
+
+// One instance of an object.
+struct Instance {
+    // Its number among the objects.
+    object: u32,
+    // First of its rows in `matrices`: 1 of a translation, 3 of a fixed matrix, 3 a key of moving ones.
+    matrices: u32,
+    // First of its key times in `words`.
+    key_times: u32,
+    // Number of keys; 0 for a translation, 1 for a fixed matrix.
+    key_count: u32,
+}
+
+// What a launch of the stage `trace` works on.
+struct TraceLaunch {
+    // Reference to the root of the tree over instances.
+    root: u32,
+    // Rays in the buffer.
+    ray_count: u32,
+    // Rays of one row of workgroups: launches wider than a device allows have several rows.
+    row: u32,
+    // 1: any hit will do.
+    any: u32,
+    // Bounds the magnitude of every coordinate of every instance.
+    radius: f32,
+    // Pad of slab tests against the tree over instances, per unit of distance from the world's origin.
+    pad: f32,
+}

@@ -1,0 +1,262 @@
+//! Devices: which there are, which is used and why, and one that is open.
+
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use super::GpuError;
+
+/// What is asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Choice {
+    /// The best GPU. Never a driver that computes on the CPU: the CPU's own backend is faster.
+    Hardware,
+    /// Any device, of software too.
+    Any,
+}
+
+/// What a device is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Kind {
+    /// A driver that computes on the CPU.
+    Software,
+    /// Unknown, or virtual.
+    Other,
+    /// Shares memory with the CPU.
+    Integrated,
+    /// Has memory of its own.
+    Discrete,
+}
+
+/// A device that was found.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Found {
+    /// As the driver calls it.
+    pub name: String,
+    /// Vulkan, Metal or DX12.
+    pub api: String,
+    /// The driver and its version.
+    pub driver: String,
+    /// What it is.
+    pub kind: Kind,
+    /// Bytes of the largest buffer.
+    pub largest_buffer: u64,
+    /// Bytes that a stage sees of a buffer at once.
+    pub largest_binding: u64,
+    /// Workgroups along one side of a launch.
+    pub workgroups: u32,
+    /// True where stages can be timed.
+    pub timestamps: bool,
+    /// True where invocations of a subgroup can exchange values.
+    pub subgroups: bool,
+    /// True for the one that [`Choice::Hardware`] would use.
+    pub chosen: bool,
+}
+
+/// An open device, shared by all that use it.
+#[derive(Debug)]
+pub struct Device {
+    pub(crate) device: wgpu::Device,
+    pub(crate) queue: wgpu::Queue,
+    found: Found,
+    fault: Fault,
+}
+
+/// What drivers report on threads of their own.
+type Fault = Arc<Mutex<Option<GpuError>>>;
+
+/// Longest wait for one submission: drivers give up earlier.
+const PATIENCE: Duration = Duration::from_secs(120);
+
+fn instance() -> wgpu::Instance {
+    let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+    descriptor.backends = wgpu::Backends::VULKAN | wgpu::Backends::METAL | wgpu::Backends::DX12;
+    // Release builds ask for no layers.
+    descriptor.flags = wgpu::InstanceFlags::empty();
+    wgpu::Instance::new(descriptor)
+}
+
+fn adapters() -> Vec<(wgpu::Adapter, Found)> {
+    let found = pollster::block_on(instance().enumerate_adapters(wgpu::Backends::all()));
+    let mut found: Vec<(wgpu::Adapter, Found)> = found
+        .into_iter()
+        .map(|adapter| {
+            let found = Found::of(&adapter);
+            (adapter, found)
+        })
+        .collect();
+    // The best first; of equals, that which the driver names first.
+    found.sort_by_key(|(_, found)| std::cmp::Reverse((found.kind, found.largest_binding)));
+    if let Some((_, first)) = found.first_mut() {
+        first.chosen = first.kind != Kind::Software;
+    }
+    found
+}
+
+impl Found {
+    fn of(adapter: &wgpu::Adapter) -> Self {
+        let (info, limits, features) = (adapter.get_info(), adapter.limits(), adapter.features());
+        let kind = match info.device_type {
+            wgpu::DeviceType::DiscreteGpu => Kind::Discrete,
+            wgpu::DeviceType::IntegratedGpu => Kind::Integrated,
+            wgpu::DeviceType::Cpu => Kind::Software,
+            wgpu::DeviceType::VirtualGpu | wgpu::DeviceType::Other => Kind::Other,
+        };
+        Self {
+            name: info.name,
+            api: info.backend.to_string(),
+            driver: [info.driver, info.driver_info].join(" ").trim().to_owned(),
+            kind,
+            largest_buffer: limits.max_buffer_size,
+            largest_binding: limits.max_storage_buffer_binding_size,
+            workgroups: limits.max_compute_workgroups_per_dimension,
+            timestamps: features.contains(wgpu::Features::TIMESTAMP_QUERY),
+            subgroups: features.contains(wgpu::Features::SUBGROUP),
+            chosen: false,
+        }
+    }
+}
+
+impl Device {
+    /// All devices there are, the best first.
+    pub fn list() -> Vec<Found> {
+        adapters().into_iter().map(|(_, found)| found).collect()
+    }
+
+    /// Opens the best device.
+    ///
+    /// # Errors
+    /// There is none, or it does not open.
+    pub fn open(choice: Choice) -> Result<Self, GpuError> {
+        let adapters = adapters();
+        let Some((adapter, found)) = adapters.into_iter().next() else {
+            let why = "there is no Vulkan, Metal or DX12 driver with a device";
+            return Err(GpuError::NoDevice(why.to_owned()));
+        };
+        if choice == Choice::Hardware && found.kind == Kind::Software {
+            let why = format!(
+                "{} computes on the CPU, which is faster without it",
+                found.name
+            );
+            return Err(GpuError::NoDevice(why));
+        }
+        let limits = adapter.limits();
+        let wanted = wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::SUBGROUP;
+        let descriptor = wgpu::DeviceDescriptor {
+            label: Some("hdTrapeze"),
+            required_features: adapter.features() & wanted,
+            required_limits: limits,
+            ..Default::default()
+        };
+        let (device, queue) =
+            pollster::block_on(adapter.request_device(&descriptor)).map_err(|error| {
+                GpuError::Refused {
+                    name: found.name.clone(),
+                    why: error.to_string(),
+                }
+            })?;
+        let fault: Fault = Arc::default();
+        let note = {
+            let (fault, name) = (Arc::clone(&fault), found.name.clone());
+            move |make: fn(String, String) -> GpuError, why: String| {
+                let mut fault = fault.lock().unwrap_or_else(PoisonError::into_inner);
+                // The first tells most.
+                fault.get_or_insert_with(|| make(name.clone(), why));
+            }
+        };
+        let failed = note.clone();
+        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
+            failed(
+                |name, why| GpuError::Failed { name, why },
+                error.to_string(),
+            );
+        }));
+        device.set_device_lost_callback(move |reason, why| {
+            if reason != wgpu::DeviceLostReason::Destroyed {
+                note(|name, why| GpuError::Lost { name, why }, why);
+            }
+        });
+        Ok(Self {
+            device,
+            queue,
+            found,
+            fault,
+        })
+    }
+
+    /// What it is.
+    pub fn found(&self) -> &Found {
+        &self.found
+    }
+
+    /// What went wrong, if anything did.
+    ///
+    /// # Errors
+    /// A stage failed or the device is lost: it is of no more use.
+    pub fn check(&self) -> Result<(), GpuError> {
+        let fault = self.fault.lock().unwrap_or_else(PoisonError::into_inner);
+        fault.clone().map_or(Ok(()), Err)
+    }
+
+    /// Waits for what was submitted last.
+    pub(crate) fn wait(&self, submission: wgpu::SubmissionIndex) -> Result<(), GpuError> {
+        let poll = wgpu::PollType::Wait {
+            submission_index: Some(submission),
+            timeout: Some(PATIENCE),
+        };
+        let waited = self.device.poll(poll);
+        self.check()?;
+        waited.map(drop).map_err(|error| GpuError::Lost {
+            name: self.found.name.clone(),
+            why: error.to_string(),
+        })
+    }
+
+    /// A buffer with these bytes, which `what` names.
+    ///
+    /// # Errors
+    /// It is larger than the device takes, or there is no memory.
+    pub(crate) fn upload(
+        &self,
+        what: &'static str,
+        bytes: &[u8],
+    ) -> Result<wgpu::Buffer, GpuError> {
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+        // A binding may not be empty.
+        let buffer = self.buffer(what, (bytes.len() as u64).max(64), usage)?;
+        self.queue.write_buffer(&buffer, 0, bytes);
+        Ok(buffer)
+    }
+
+    /// A buffer that holds nothing yet.
+    ///
+    /// # Errors
+    /// As [`Device::upload`].
+    pub(crate) fn buffer(
+        &self,
+        what: &'static str,
+        bytes: u64,
+        usage: wgpu::BufferUsages,
+    ) -> Result<wgpu::Buffer, GpuError> {
+        let too_large = |limit: u64| GpuError::TooLarge {
+            name: self.found.name.clone(),
+            what,
+            bytes,
+            limit,
+        };
+        let limit = self.found.largest_buffer.min(self.found.largest_binding);
+        if bytes > limit {
+            return Err(too_large(limit));
+        }
+        let scope = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+        let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some(what),
+            size: bytes.next_multiple_of(wgpu::COPY_BUFFER_ALIGNMENT),
+            usage,
+            mapped_at_creation: false,
+        });
+        match pollster::block_on(scope.pop()) {
+            Some(_) => Err(too_large(0)),
+            None => Ok(buffer),
+        }
+    }
+}

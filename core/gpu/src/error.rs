@@ -1,0 +1,48 @@
+//! What can go wrong on a GPU.
+
+/// Why a device cannot be used, or no longer. Each sentence stands after a name or a path.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum GpuError {
+    /// No driver, or none with a device that is asked for.
+    #[error("no GPU is found: {0}")]
+    NoDevice(String),
+    /// The driver refused to open it.
+    #[error("{name} cannot be opened: {why}")]
+    Refused {
+        /// The device's name.
+        name: String,
+        /// In the driver's words.
+        why: String,
+    },
+    /// A scene is larger than the device, or what it binds at once.
+    #[error("the scene's {what} need {bytes} bytes, and {name} takes {limit}")]
+    TooLarge {
+        /// The device's name.
+        name: String,
+        /// Which part of the scene.
+        what: &'static str,
+        /// Bytes that are needed.
+        bytes: u64,
+        /// Bytes that there are.
+        limit: u64,
+    },
+    /// What this backend cannot trace.
+    #[error("the GPU cannot trace {0}")]
+    Unsupported(String),
+    /// A stage was rejected, or failed.
+    #[error("{name} failed: {why}")]
+    Failed {
+        /// The device's name.
+        name: String,
+        /// In the driver's words.
+        why: String,
+    },
+    /// The device is gone.
+    #[error("{name} is lost: {why}")]
+    Lost {
+        /// The device's name.
+        name: String,
+        /// In the driver's words.
+        why: String,
+    },
+}

@@ -1,0 +1,63 @@
+//! The text of each stage: what it needs, one after the other, with what its permutation fixes.
+
+/// What a scene and a launch ask of the stage `trace`: the fewer effects, the less code.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct TracePermutation {
+    /// Something moves: vertices, or instances.
+    pub time: bool,
+    /// Entries of the stack of a ray: one of [`STACKS`].
+    pub stack: u32,
+}
+
+/// Sizes of stacks that are compiled.
+pub const STACKS: [u32; 4] = [32, 64, 128, 256];
+
+/// Invocations of a workgroup of the stage `trace`.
+pub const TRACE_WORKGROUP: u32 = 64;
+
+impl TracePermutation {
+    /// All there are.
+    pub fn all() -> impl Iterator<Item = Self> {
+        let times = [false, true].into_iter();
+        times.flat_map(|time| STACKS.map(|stack| Self { time, stack }))
+    }
+
+    /// The WGSL of the stage; its entry point is `trace`.
+    pub fn source(self) -> String {
+        let fixed = format!(
+            "const TIME: bool = {};\nconst STACK: u32 = {}u;\n",
+            self.time, self.stack
+        );
+        [
+            fixed.as_str(),
+            crate::layout::SOURCE,
+            include_str!("wgsl/slabs.wgsl"),
+            include_str!("wgsl/cells.wgsl"),
+            include_str!("wgsl/trace.wgsl"),
+        ]
+        .concat()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use naga::valid::{Capabilities, ValidationFlags, Validator};
+
+    #[test]
+    fn every_permutation_is_valid() {
+        for permutation in TracePermutation::all() {
+            let source = permutation.source();
+            let module = naga::front::wgsl::parse_str(&source)
+                .map_err(|e| e.emit_to_string(&source))
+                .expect("the stage parses");
+            // What a device without optional features takes.
+            let mut validator = Validator::new(ValidationFlags::all(), Capabilities::empty());
+            let valid = validator.validate(&module);
+            assert!(valid.is_ok(), "{permutation:?}: {:?}", valid.err());
+            let entry = &module.entry_points[0];
+            assert_eq!(entry.name, "trace");
+            assert_eq!(entry.workgroup_size, [TRACE_WORKGROUP, 1, 1]);
+        }
+    }
+}
