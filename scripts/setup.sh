@@ -80,6 +80,10 @@ command -v g++ >/dev/null || packages+=(g++)
 printf '#include <opensubdiv/bfr/refinerSurfaceFactory.h>\n' |
     "${CXX:-c++}" ${OPENSUBDIV_ROOT:+"-I$OPENSUBDIV_ROOT/include"} -x c++ -E - >/dev/null 2>&1 ||
     packages+=(libosd-dev)
+# Tests of the GPU's stages run on any device, Mesa's software one at the least.
+if [ $tools = 1 ] && ! ls /usr/share/vulkan/icd.d/*.json /etc/vulkan/icd.d/*.json >/dev/null 2>&1; then
+    packages+=(libvulkan1 mesa-vulkan-drivers)
+fi
 # The Hydra plugin is built where an OpenUSD is configured, see scripts/hydra.sh.
 if [ -n "${OPENUSD_ROOT:-}${OPENUSD_INCLUDE_DIR:-}" ]; then
     command -v cmake >/dev/null || packages+=(cmake)

@@ -11,6 +11,7 @@
 
 mod ahead;
 mod aov;
+pub mod backend;
 pub mod edit;
 mod engine;
 pub mod error;

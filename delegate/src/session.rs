@@ -15,7 +15,8 @@ use hdtrapeze_core::diagnostics::{Code, Warning};
 use hdtrapeze_core::dump::dump;
 use hdtrapeze_core::memory;
 use hdtrapeze_core::render::{
-    Frame, Prepared, RenderControl, RenderStatistics, WorldHit, WorldRay, prepare_with, render,
+    Elsewhere, Frame, Prepared, RenderControl, RenderStatistics, WorldHit, WorldRay, prepare_with,
+    render_with,
 };
 use hdtrapeze_core::scene::{PrimId, RenderSettings, Scene};
 use hdtrapeze_core::surface::SubdivisionFactory;
@@ -24,6 +25,7 @@ use tracing::dispatcher::with_default;
 
 use crate::ahead::Ahead;
 use crate::aov::AovShape;
+use crate::backend::{self, OnGpu};
 use crate::edit::{Change, Edit, EditQueue, Kind, apply};
 use crate::engine::{
     MISS, NO_RAY, current_statistics, is_traceable, new_frame, prepare_error, prepare_statistics,
@@ -309,7 +311,7 @@ impl Session {
     /// The nearest hit of each ray in the committed scene.
     pub fn trace(&self, rays: &[WorldRay]) -> Result<Vec<WorldHit>, Error> {
         self.shared.check()?;
-        let Committed { prepared, pool } = self.committed()?;
+        let Committed { prepared, pool, .. } = self.committed()?;
         // Rays that cannot be traced are replaced by one that ends before it begins.
         let checked = try_map(rays, |ray| match is_traceable(ray) {
             true => *ray,
@@ -481,7 +483,12 @@ impl Session {
         let prepared = Arc::new(preparation.prepared);
         work.previous = Some(prepared.clone());
         work.current = true;
-        let committed = Committed { prepared, pool };
+        let gpu = self.upload(&prepared)?;
+        let committed = Committed {
+            prepared,
+            gpu,
+            pool,
+        };
         let mut status = self.shared.status();
         status.statistics = prepare_statistics(&committed.prepared);
         status.committed = Some(committed.clone());
@@ -492,6 +499,21 @@ impl Session {
         Ok(committed)
     }
 
+    /// What is prepared, on a GPU where one is asked for. A scene that it does not take is rendered on the CPU.
+    fn upload(&self, prepared: &Prepared) -> Result<Option<Arc<OnGpu>>, Error> {
+        let Some(tracer) = backend::open(prepared.settings().backend)? else {
+            return Ok(None);
+        };
+        match self.shared.guard(|| OnGpu::new(tracer, prepared))? {
+            Ok(gpu) => Ok(Some(Arc::new(gpu))),
+            Err(error) => {
+                let text = format!("{error}; the CPU renders");
+                self.warn(&[Warning::new("", Code::Unsupported, text)]);
+                Ok(None)
+            }
+        }
+    }
+
     /// Starts the render thread.
     fn launch(
         &self,
@@ -499,7 +521,11 @@ impl Session {
         committed: Committed,
         cancel: Arc<AtomicBool>,
     ) -> Result<(), Error> {
-        let Committed { prepared, pool } = committed;
+        let Committed {
+            prepared,
+            gpu,
+            pool,
+        } = committed;
         let settings = &work.scene.settings;
         let total = settings.samples;
         let camera = work.scene.active_camera;
@@ -507,6 +533,9 @@ impl Session {
         let mut facts = camera.map_or_else(Vec::new, |camera| file::facts(camera, settings));
         let seconds = prepared.statistics().total_seconds;
         file::set_fact(&mut facts, "hdtrapeze/prepareSeconds", seconds.to_string());
+        if let Some(gpu) = &gpu {
+            file::set_fact(&mut facts, "hdtrapeze/backend", gpu.name());
+        }
         let frame = Arc::new(self.shared.guard(|| new_frame(&prepared))??);
         let mut status = self.shared.status();
         status.rendered = Some(Rendered {
@@ -522,7 +551,7 @@ impl Session {
         let shared = self.shared.clone();
         let run = move || {
             with_default(&shared.dispatch, || {
-                render_all(&shared, &pool, &prepared, &frame, &cancel);
+                render_all(&shared, &pool, &prepared, gpu.as_deref(), &frame, &cancel);
             });
         };
         let spawned = Builder::new()
@@ -549,9 +578,11 @@ fn render_all(
     shared: &Shared,
     pool: &Pool,
     prepared: &Prepared,
+    gpu: Option<&OnGpu>,
     frame: &Frame,
     cancel: &AtomicBool,
 ) {
+    let elsewhere = gpu.map(|gpu| Elsewhere::new(gpu));
     let work = || {
         let control = RenderControl {
             cancel,
@@ -561,7 +592,7 @@ fn render_all(
             },
             on_pass: &|done, _| shared.status().run.done = done,
         };
-        render(prepared, frame, &control)
+        render_with(prepared, frame, &control, elsewhere.as_ref())
     };
     let mut statistics = RenderStatistics {
         cancelled: true,
@@ -579,6 +610,12 @@ fn render_all(
         if !more.cancelled {
             break;
         }
+    }
+    if let Some(why) = elsewhere.as_ref().and_then(Elsewhere::fault) {
+        let text = format!("{why}; the CPU went on from the samples that there were");
+        shared
+            .log
+            .warn_once(&Warning::new("", Code::Unsupported, text));
     }
     for warning in prepared.late_warnings() {
         shared.log.warn_once(&warning);

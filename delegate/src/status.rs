@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 use hdtrapeze_core::render::{Frame, Prepared};
 use tracing::Dispatch;
 
+use crate::backend::OnGpu;
 use crate::error::Error;
 use crate::log::Log;
 use crate::pool::Pool;
@@ -25,6 +26,8 @@ pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 #[derive(Clone)]
 pub(crate) struct Committed {
     pub prepared: Arc<Prepared>,
+    /// The same on a GPU, where one traces camera rays.
+    pub gpu: Option<Arc<OnGpu>>,
     pub pool: Arc<Pool>,
 }
 

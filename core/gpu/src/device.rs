@@ -48,7 +48,7 @@ pub struct Found {
     pub timestamps: bool,
     /// True where invocations of a subgroup can exchange values.
     pub subgroups: bool,
-    /// True for the one that [`Choice::Hardware`] would use.
+    /// True for the best one: [`Choice::Any`] uses it, [`Choice::Hardware`] where it is not of software.
     pub chosen: bool,
 }
 
@@ -87,7 +87,7 @@ fn adapters() -> Vec<(wgpu::Adapter, Found)> {
     // The best first; of equals, that which the driver names first.
     found.sort_by_key(|(_, found)| std::cmp::Reverse((found.kind, found.largest_binding)));
     if let Some((_, first)) = found.first_mut() {
-        first.chosen = first.kind != Kind::Software;
+        first.chosen = true;
     }
     found
 }

@@ -289,7 +289,7 @@ impl PrimObjects {
             numbers: Vec::new(),
         };
         self.diced = true;
-        if settings.occlusion_culling {
+        if settings.dices_on_demand() {
             let on_demand = Arc::new(OnDemand::new(source));
             let sets = on_demand.clusters.iter().map(Arc::clone);
             let sets = sets.map(|object| placed(InstanceSet::deferred(object, place)));

@@ -37,8 +37,8 @@ pub(super) struct Integrator<'a> {
 
 /// One camera sample on its way.
 #[derive(Clone, Copy)]
-struct Job {
-    ray: Ray,
+pub(super) struct Job {
+    pub ray: Ray,
     weight: f32,
     distance2: f32,
 }
@@ -89,44 +89,102 @@ impl<'a> Integrator<'a> {
         counts: &mut TraceCounts,
     ) {
         let range = tile.samples..target;
-        let plan = &self.prepared.plan;
-        let size = if range.len() >= 4 && !plan.has_time() {
+        let mut primvars = PrimvarSample::new(self.keeps);
+        let (mut jobs, mut found) = (Vec::new(), Vec::new());
+        for block in self.blocks(tile, &range) {
+            jobs.clear();
+            self.draw_block(tile, block, &range, &mut jobs);
+            self.trace::<CULL>(&jobs, &mut found);
+            let found = found.iter().copied();
+            self.film::<MATTE, CULL>(tile, &jobs, found, &mut primvars, counts);
+        }
+        tile.samples = target;
+    }
+
+    /// What [`Self::fill`] traces to bring `tile` to `target`, in its order.
+    pub fn draw_tile(&self, tile: &Tile, target: u32) -> Vec<(usize, Job)> {
+        let range = tile.samples..target;
+        let mut jobs = Vec::new();
+        for block in self.blocks(tile, &range) {
+            self.draw_block(tile, block, &range, &mut jobs);
+        }
+        jobs
+    }
+
+    /// The rest of [`Self::fill`], for scenes without culled sides: `hits` are what the jobs met first.
+    pub fn film_tile(
+        &self,
+        tile: &mut Tile,
+        target: u32,
+        jobs: &[(usize, Job)],
+        hits: &[Hit],
+        counts: &mut TraceCounts,
+    ) {
+        let own = TraceCounts {
+            rays: 1,
+            ..TraceCounts::default()
+        };
+        let found = hits.iter().map(|&hit| (hit, own));
+        let mut primvars = PrimvarSample::new(self.keeps);
+        match self.prepared.plan.has_matte() {
+            false => self.film::<false, false>(tile, jobs, found, &mut primvars, counts),
+            true => self.film::<true, false>(tile, jobs, found, &mut primvars, counts),
+        }
+        tile.samples = target;
+    }
+
+    /// Blocks of pixels `[x0, y0, x1, y1]` whose rays are drawn together.
+    fn blocks(&self, tile: &Tile, range: &Range<u32>) -> impl Iterator<Item = [u32; 4]> + use<> {
+        let size = if range.len() >= 4 && !self.prepared.plan.has_time() {
             SMALL_BLOCK
         } else {
             BLOCK
         };
+        let (width, height) = (tile.width, tile.height);
+        let rows = (0..height).step_by(size as usize);
+        rows.flat_map(move |y| {
+            let columns = (0..width).step_by(size as usize);
+            columns.map(move |x| [x, y, (x + size).min(width), (y + size).min(height)])
+        })
+    }
+
+    /// Shades and films what was traced, in the order of samples: sums have the same bits whatever was traced
+    /// together.
+    fn film<const MATTE: bool, const CULL: bool>(
+        &self,
+        tile: &mut Tile,
+        jobs: &[(usize, Job)],
+        found: impl Iterator<Item = (Hit, TraceCounts)>,
+        primvars: &mut PrimvarSample,
+        counts: &mut TraceCounts,
+    ) {
         let wants_primvars = self.keeps.primvars().is_some();
-        let mut primvars = PrimvarSample::new(self.keeps);
-        let (mut jobs, mut found) = (Vec::new(), Vec::new());
-        for y in (0..tile.height).step_by(size as usize) {
-            for x in (0..tile.width).step_by(size as usize) {
-                let block = [
-                    x,
-                    y,
-                    (x + size).min(tile.width),
-                    (y + size).min(tile.height),
-                ];
-                jobs.clear();
-                match (plan.has_lens(), plan.has_time()) {
-                    (false, false) => self.draw::<false, false>(tile, block, &range, &mut jobs),
-                    (true, false) => self.draw::<true, false>(tile, block, &range, &mut jobs),
-                    (false, true) => self.draw::<false, true>(tile, block, &range, &mut jobs),
-                    (true, true) => self.draw::<true, true>(tile, block, &range, &mut jobs),
-                }
-                self.trace::<CULL>(&jobs, &mut found);
-                // In the order of samples: sums have the same bits whatever was traced together.
-                for ((slot, job), &(hit, mut own)) in jobs.iter().zip(&found) {
-                    let sample = self.shade::<MATTE, CULL>(job, &hit, &mut own, &mut primvars);
-                    let is_point = tile.add(*slot, &sample);
-                    if wants_primvars {
-                        let hit = sample.first.is_some().then_some(&primvars);
-                        tile.add_primvars(*slot, hit, is_point);
-                    }
-                    *counts = *counts + own;
-                }
+        for ((slot, job), (hit, mut own)) in jobs.iter().zip(found) {
+            let sample = self.shade::<MATTE, CULL>(job, &hit, &mut own, primvars);
+            let is_point = tile.add(*slot, &sample);
+            if wants_primvars {
+                let hit = sample.first.is_some().then_some(&*primvars);
+                tile.add_primvars(*slot, hit, is_point);
             }
+            *counts = *counts + own;
         }
-        tile.samples = target;
+    }
+
+    /// Draws the samples `range` of a block, for the effects that are called for.
+    fn draw_block(
+        &self,
+        tile: &Tile,
+        block: [u32; 4],
+        range: &Range<u32>,
+        jobs: &mut Vec<(usize, Job)>,
+    ) {
+        let plan = &self.prepared.plan;
+        match (plan.has_lens(), plan.has_time()) {
+            (false, false) => self.draw::<false, false>(tile, block, range, jobs),
+            (true, false) => self.draw::<true, false>(tile, block, range, jobs),
+            (false, true) => self.draw::<false, true>(tile, block, range, jobs),
+            (true, true) => self.draw::<true, true>(tile, block, range, jobs),
+        }
     }
 
     /// Draws the samples `range` of the pixels `[x0, y0, x1, y1]` of `tile`, sample by sample: their slots, and

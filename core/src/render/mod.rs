@@ -7,6 +7,7 @@
 mod ahead;
 mod chains;
 mod clusters;
+mod elsewhere;
 mod given;
 mod instances;
 mod integrate;
@@ -22,7 +23,8 @@ mod shape;
 
 pub use crate::film::{Frame, FrameError};
 pub use ahead::Ahead;
-pub use passes::{RenderControl, RenderStatistics, render};
+pub use elsewhere::{Elsewhere, RayTracer};
+pub use passes::{RenderControl, RenderStatistics, render, render_with};
 pub(crate) use prepare::resolve_shutter;
 pub use prepare::{Preparation, PrepareError, prepare, prepare_with};
 pub use prepared::{PrepareStatistics, Prepared};

@@ -10,6 +10,7 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 
+use super::elsewhere::Elsewhere;
 use super::integrate::Integrator;
 use super::prepared::Prepared;
 use crate::film::Frame;
@@ -41,6 +42,17 @@ pub struct RenderStatistics {
 
 /// Renders `prepared` into `frame` until every pixel has its samples, or `control` says stop.
 pub fn render(prepared: &Prepared, frame: &Frame, control: &RenderControl<'_>) -> RenderStatistics {
+    render_with(prepared, frame, control, None)
+}
+
+/// [`render`], with camera rays traced `elsewhere` for as long as that works. Sides that are culled are not known there: a
+/// scene that has some is traced here.
+pub fn render_with(
+    prepared: &Prepared,
+    frame: &Frame,
+    control: &RenderControl<'_>,
+    elsewhere: Option<&Elsewhere<'_>>,
+) -> RenderStatistics {
     let start = Instant::now();
     let total = prepared.settings.samples;
     let integrator = Integrator::new(prepared, frame.keeps());
@@ -54,6 +66,15 @@ pub fn render(prepared: &Prepared, frame: &Frame, control: &RenderControl<'_>) -
     );
     while done < total && !control.cancel.load(Ordering::Relaxed) {
         let target = done.saturating_add(done.clamp(1, LARGEST_STEP)).min(total);
+        let added = |samples: u32| {
+            let added = u64::from(samples);
+            let all = finished.fetch_add(added, Ordering::Relaxed) + added;
+            (control.on_progress)(all as f64 / work);
+        };
+        if let Some(elsewhere) = elsewhere.filter(|e| e.works() && !prepared.plan.has_culling()) {
+            let pass = elsewhere.fill(&integrator, frame, target, control.cancel, &added);
+            counts = counts + pass;
+        }
         let pass = (0..frame.tile_count())
             .into_par_iter()
             .map(|i| {
@@ -62,9 +83,10 @@ pub fn render(prepared: &Prepared, frame: &Frame, control: &RenderControl<'_>) -
                     let mut tile = frame.tile(i);
                     let from = tile.samples;
                     integrator.fill(&mut tile, target, &mut counts);
-                    let added = u64::from(target.saturating_sub(from));
-                    let all = finished.fetch_add(added, Ordering::Relaxed) + added;
-                    (control.on_progress)(all as f64 / work);
+                    let more = target.saturating_sub(from);
+                    if more > 0 {
+                        added(more);
+                    }
                 }
                 counts
             })

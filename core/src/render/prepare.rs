@@ -467,7 +467,7 @@ fn same_dicing_settings(old: &RenderSettings, new: &RenderSettings) -> bool {
     old.shading_rate == new.shading_rate
         && old.max_micropolygons == new.max_micropolygons
         && old.curves == new.curves
-        && old.occlusion_culling == new.occlusion_culling
+        && old.dices_on_demand() == new.dices_on_demand()
 }
 
 /// True when everything that the dicing of instanced prims depends on, apart from the prims and their

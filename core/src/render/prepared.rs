@@ -11,7 +11,7 @@ use crate::camera::Camera;
 use crate::diagnostics::Warning;
 use crate::effects::EffectPlan;
 use crate::motion::Shutter;
-use crate::scene::{CameraDesc, PrimDesc, PrimId, RenderSettings};
+use crate::scene::{Backend, CameraDesc, PrimDesc, PrimId, RenderSettings};
 use crate::shade::{PrimShading, Source};
 use crate::trace::{Hit, Side, Winding, World};
 
@@ -189,7 +189,7 @@ impl Prepared {
         });
         format!(
             "camera: {}\nimage: {width} x {height}{window}, {} samples a pixel, shading rate {}\n\
-             shutter: {} to {} time codes\n{}backend: cpu\n\
+             shutter: {} to {} time codes\n{}backend: {}\n\
              scene: {} prims, {} instances, {} grids, {} micropolygons\n{culled}",
             self.camera_desc.path,
             self.settings.samples,
@@ -197,6 +197,10 @@ impl Prepared {
             self.shutter.open,
             self.shutter.close,
             self.plan,
+            match self.settings.backend {
+                Backend::Gpu => "gpu, for camera rays",
+                Backend::Auto | Backend::Cpu => "cpu",
+            },
             s.prims,
             s.instances,
             s.grids,

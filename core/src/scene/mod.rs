@@ -27,7 +27,7 @@ pub use geometry::{
 pub use instancer::{InstanceArrays, InstancerDesc, PrototypeOf};
 pub use prim::{PrimCommon, PrimDesc, TransformSamples};
 pub use primvar::{Interpolation, PrimvarDesc, PrimvarRole, PrimvarSample, PrimvarValues};
-pub use settings::{Cull, FilterKind, RenderSettings, WindowPolicy};
+pub use settings::{Backend, Cull, FilterKind, RenderSettings, WindowPolicy};
 pub use subset::{FamilyType, SubsetDesc, SubsetElement};
 
 /// Identifies a prim for the life of a scene; never reused.

@@ -66,6 +66,18 @@ const CELLS_A_FACE: u64 = 8;
 /// ...and so many in any case.
 const LEAST_MICROPOLYGONS: u64 = 1_000_000;
 
+/// What renders.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Backend {
+    /// What is fastest here: the CPU, for as long as a GPU traces camera rays alone.
+    #[default]
+    Auto,
+    /// The CPU.
+    Cpu,
+    /// A GPU traces camera rays, and the CPU does the rest.
+    Gpu,
+}
+
 /// Settings of one render.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RenderSettings {
@@ -91,6 +103,8 @@ pub struct RenderSettings {
     pub seed: u32,
     /// Threads; 0 for all cores.
     pub threads: u32,
+    /// What renders.
+    pub backend: Backend,
     /// Shutter in place of the camera's, time codes relative to the frame.
     pub shutter: Option<[f64; 2]>,
     /// Render the frame's own time code only, with a shutter of no length (UsdRenderSettings'
@@ -134,6 +148,11 @@ impl RenderSettings {
         self.data_window.map_or(image, |data| union(image, data))
     }
 
+    /// True where what may be hidden waits for rays: those that are traced on a GPU cannot have it diced.
+    pub fn dices_on_demand(&self) -> bool {
+        self.occlusion_culling && self.backend != Backend::Gpu
+    }
+
     /// Most micropolygons that dicing may make of one prim with `faces` base faces:
     /// [`Self::max_micropolygons`], or fewer where no image of this size shows so many. Numbers that fail
     /// to tell neighbouring points apart would else fill all of the memory.
@@ -173,6 +192,7 @@ impl Default for RenderSettings {
             filter_width: 0.0,
             seed: 0,
             threads: 0,
+            backend: Backend::Auto,
             shutter: None,
             disable_motion_blur: false,
             disable_defocus: false,

@@ -52,6 +52,11 @@ def _run(arguments: list[str], interrupts: Interrupts) -> int:
         wants_version = "--version" in arguments
         parser = make_parser(native.version() if wants_version else "")
     args = parser.parse_args(arguments)
+    if args.command == "devices":
+        from .devices import print_devices
+
+        print_devices()
+        return errors.EXIT_OK
     set_up_command(args.quiet, args.verbose)
     # usd-core takes half a second to load: not for --help.
     with interrupts.held():

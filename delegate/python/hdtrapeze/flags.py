@@ -39,7 +39,7 @@ itself is only ever a complete frame.
 """
 
 
-COMMANDS = ("record", "dump")
+COMMANDS = ("record", "dump", "devices")
 
 
 def see_help(arguments: list[str]) -> str:
@@ -119,6 +119,12 @@ def make_parser(version: str) -> argparse.ArgumentParser:
         allow_abbrev=False,
     )
     add_dump_flags(dump)
+    commands.add_parser(
+        "devices",
+        help="list GPUs, and say what --backend makes of them",
+        description="Lists GPUs with their limits, and says which of them each --backend uses, and why.",
+        allow_abbrev=False,
+    )
     return parser
 
 

@@ -306,14 +306,28 @@
 // Rays pass through backs, but for prims that are double-sided.
 #define TRZ_CULL_BACK_UNLESS_DOUBLE_SIDED 3
 
-// The library picks.
+// What is fastest: the CPU, for as long as a GPU traces camera rays alone.
 #define TRZ_BACKEND_AUTO 0
 
 // All on the CPU.
 #define TRZ_BACKEND_CPU 1
 
-// The GPU.
+// A GPU traces camera rays, and the CPU does the rest; see trz_device_describe. Settings that ask for it are refused
+// with TRZ_ERROR_UNSUPPORTED where no device opens. A scene that the device does not take, and a device that is
+// lost, give one warning, and the CPU renders, or goes on from the samples that there are.
 #define TRZ_BACKEND_GPU 2
+
+// A driver that computes on the CPU.
+#define TRZ_DEVICE_SOFTWARE 0
+
+// Unknown, or virtual.
+#define TRZ_DEVICE_OTHER 1
+
+// Shares memory with the CPU.
+#define TRZ_DEVICE_INTEGRATED 2
+
+// Has memory of its own.
+#define TRZ_DEVICE_DISCRETE 3
 
 // Something failed.
 #define TRZ_LOG_ERROR 0
@@ -1079,6 +1093,32 @@ typedef struct trz_hit {
   uint32_t cell;
 } trz_hit;
 
+// A GPU, or what stands in for one. Texts end with a NUL, and are cut where they are longer.
+typedef struct trz_device {
+  // sizeof(trz_device).
+  uint32_t struct_size;
+  // TRZ_DEVICE_*.
+  uint32_t kind;
+  // As its driver calls it.
+  char name[256];
+  // Vulkan, Metal or DX12.
+  char api[32];
+  // The driver and its version.
+  char driver[256];
+  // Bytes of the largest buffer.
+  uint64_t largest_buffer;
+  // Bytes of a buffer that a stage sees at once.
+  uint64_t largest_binding;
+  // Workgroups along one side of a launch.
+  uint32_t workgroups;
+  // 1 where stages can be timed.
+  uint32_t timestamps;
+  // 1 where invocations of a subgroup can exchange values.
+  uint32_t subgroups;
+  // 1 for the one that the backend gpu uses.
+  uint32_t chosen;
+} trz_device;
+
 #ifdef __cplusplus
 extern "C" {
 #endif // __cplusplus
@@ -1554,6 +1594,14 @@ trz_result trz_trace_rays(struct trz_session *session,
                           const struct trz_ray *rays,
                           struct trz_hit *hits,
                           size_t count);
+
+// Fills out, whose struct_size the caller has set, with what is known of a device: number 0 is the best one. The first
+// call loads drivers, which may take a second.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND (there are not so many).
+// Threads: any.
+trz_result trz_device_describe(size_t index,
+                               struct trz_device *out);
 
 #ifdef __cplusplus
 }  // extern "C"

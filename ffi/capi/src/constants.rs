@@ -209,12 +209,23 @@ pub const TRZ_CULL_FRONT: u32 = 2;
 /// Rays pass through backs, but for prims that are double-sided.
 pub const TRZ_CULL_BACK_UNLESS_DOUBLE_SIDED: u32 = 3;
 
-/// The library picks.
+/// What is fastest: the CPU, for as long as a GPU traces camera rays alone.
 pub const TRZ_BACKEND_AUTO: u32 = 0;
 /// All on the CPU.
 pub const TRZ_BACKEND_CPU: u32 = 1;
-/// The GPU.
+/// A GPU traces camera rays, and the CPU does the rest; see trz_device_describe. Settings that ask for it are refused
+/// with TRZ_ERROR_UNSUPPORTED where no device opens. A scene that the device does not take, and a device that is
+/// lost, give one warning, and the CPU renders, or goes on from the samples that there are.
 pub const TRZ_BACKEND_GPU: u32 = 2;
+
+/// A driver that computes on the CPU.
+pub const TRZ_DEVICE_SOFTWARE: u32 = 0;
+/// Unknown, or virtual.
+pub const TRZ_DEVICE_OTHER: u32 = 1;
+/// Shares memory with the CPU.
+pub const TRZ_DEVICE_INTEGRATED: u32 = 2;
+/// Has memory of its own.
+pub const TRZ_DEVICE_DISCRETE: u32 = 3;
 
 /// Something failed.
 pub const TRZ_LOG_ERROR: u32 = 0;

@@ -18,6 +18,7 @@
 
 pub mod constants;
 mod convert;
+pub mod device;
 mod fault;
 mod input;
 pub mod instancer;
@@ -32,6 +33,7 @@ use hdtrapeze_delegate::Session;
 use hdtrapeze_osd::OsdFactory;
 
 pub use constants::*;
+pub use device::*;
 pub use instancer::*;
 pub use output::*;
 pub use render::*;

@@ -577,6 +577,34 @@ pub struct trz_progress {
     pub seconds_left: f64,
 }
 
+/// A GPU, or what stands in for one. Texts end with a NUL, and are cut where they are longer.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct trz_device {
+    /// sizeof(trz_device).
+    pub struct_size: u32,
+    /// TRZ_DEVICE_*.
+    pub kind: u32,
+    /// As its driver calls it.
+    pub name: [c_char; 256],
+    /// Vulkan, Metal or DX12.
+    pub api: [c_char; 32],
+    /// The driver and its version.
+    pub driver: [c_char; 256],
+    /// Bytes of the largest buffer.
+    pub largest_buffer: u64,
+    /// Bytes of a buffer that a stage sees at once.
+    pub largest_binding: u64,
+    /// Workgroups along one side of a launch.
+    pub workgroups: u32,
+    /// 1 where stages can be timed.
+    pub timestamps: u32,
+    /// 1 where invocations of a subgroup can exchange values.
+    pub subgroups: u32,
+    /// 1 for the one that the backend gpu uses.
+    pub chosen: u32,
+}
+
 /// What the last commit and the last render did.
 #[repr(C)]
 #[derive(Clone, Copy)]

@@ -138,6 +138,10 @@ fn all_layouts() -> Layouts {
             cell_tests, objects_diced, objects_reused, objects_placed, clusters,
             clusters_culled, micropolygons_culled,
         }
+        trz_device {
+            struct_size, kind, name, api, driver, largest_buffer, largest_binding, workgroups,
+            timestamps, subgroups, chosen,
+        }
         trz_aov_desc { struct_size, width, height, components, format, origin_x, origin_y }
         trz_image {
             struct_size, r#type, pixel_type, compression, color, aovs, aov_count, metadata,

@@ -4,7 +4,7 @@
 
 use std::path::Path;
 
-const SOURCES: [&str; 7] = [
+const SOURCES: [&str; 8] = [
     "constants",
     "types",
     "session",
@@ -12,6 +12,7 @@ const SOURCES: [&str; 7] = [
     "instancer",
     "render",
     "output",
+    "device",
 ];
 
 fn generated() -> String {

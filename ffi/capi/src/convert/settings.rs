@@ -1,6 +1,8 @@
 //! Render settings: every field has a range.
 
-use hdtrapeze_core::scene::{Cull, CurveForm, FilterKind, RenderSettings, WindowPolicy};
+use hdtrapeze_core::scene::{Backend, Cull, CurveForm, FilterKind, RenderSettings, WindowPolicy};
+
+use hdtrapeze_delegate::backend;
 
 use super::scene::curve_form;
 use super::{pick, refuse};
@@ -32,6 +34,8 @@ const POLICIES: [WindowPolicy; 5] = [
     WindowPolicy::Crop,
     WindowPolicy::DontConform,
 ];
+
+const BACKENDS: [Backend; 3] = [Backend::Auto, Backend::Cpu, Backend::Gpu];
 
 const CULLS: [Cull; 4] = [
     Cull::None,
@@ -65,13 +69,8 @@ pub(crate) fn settings(from: &trz_settings) -> Result<RenderSettings, Fault> {
     if from.threads > MOST_THREADS {
         return refuse("threads", from.threads, "is above 4096");
     }
-    match pick(&["auto", "cpu", "gpu"], from.backend, "backend")? {
-        "gpu" => Err(Fault::new(
-            TRZ_ERROR_UNSUPPORTED,
-            "this version renders on the CPU only; ask for the backend auto or cpu",
-        )),
-        _ => Ok(()),
-    }?;
+    let chosen = pick(&BACKENDS, from.backend, "backend")?;
+    backend::open(chosen)?;
     let defaults = RenderSettings::default();
     Ok(RenderSettings {
         resolution: [from.width, from.height],
@@ -84,6 +83,7 @@ pub(crate) fn settings(from: &trz_settings) -> Result<RenderSettings, Fault> {
         filter_width: from.filter_width,
         seed: from.seed,
         threads: from.threads,
+        backend: chosen,
         shutter: shutter(from)?,
         disable_motion_blur: flag(from.disable_motion_blur, "disable_motion_blur")?,
         disable_defocus: flag(from.disable_defocus, "disable_defocus")?,
@@ -192,7 +192,7 @@ pub(crate) fn settings_to_c(from: &RenderSettings) -> trz_settings {
         fix_lens: from.lens_point.is_some().into(),
         lens_point: from.lens_point.unwrap_or_default(),
         max_micropolygons: from.max_micropolygons,
-        backend: TRZ_BACKEND_AUTO,
+        backend: number(BACKENDS.iter().position(|&b| b == from.backend)),
         curves: match from.curves {
             CurveForm::Auto => TRZ_CURVES_AUTO,
             CurveForm::Ribbons => TRZ_CURVES_RIBBONS,
@@ -246,7 +246,7 @@ mod tests {
         assert!(!code(|s| s.filter_width = f32::NAN));
         assert!(!code(|s| s.threads = u32::MAX));
         assert!(!code(|s| s.window_policy = 9));
-        assert!(!code(|s| s.backend = TRZ_BACKEND_GPU));
+        assert!(code(|s| s.backend = TRZ_BACKEND_CPU));
         assert!(!code(|s| s.backend = 3));
         assert!(!code(|s| s.curves = 4));
         assert!(code(|s| s.curves = TRZ_CURVES_TUBES));

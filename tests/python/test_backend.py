@@ -1,0 +1,83 @@
+"""The backend gpu: what it renders, and what is said where it cannot."""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from hdtrapeze.devices import devices
+from hdtrapeze.errors import NativeError
+from hdtrapeze.options import Options
+from hdtrapeze.render import Renderer
+from test_windows import busy_stage
+
+AOVS = ("color", "depth", "primId", "instanceId", "elementId", "normal")
+
+needs_device = pytest.mark.skipif(not devices(), reason="no Vulkan, Metal or DX12 device is found")
+
+
+def render(stage, backend, **options):
+    options = Options(
+        width=48, height=48, samples=16, camera="/camera", aovs=list(AOVS), backend=backend, **options
+    )
+    with Renderer(options) as renderer:
+        renderer.load(stage, 0.0)
+        renderer.render()
+        images = {name: renderer.aov(name) for name in AOVS}
+        return images, renderer.log.warnings
+
+
+@needs_device
+def test_images_are_the_cpus():
+    stage = busy_stage()
+    (gpu, warnings), (cpu, _) = render(stage, "gpu"), render(stage, "cpu")
+    assert warnings == []
+    assert (cpu["primId"] >= 0).any() and (cpu["color"] > 0).any()
+    for name in ("primId", "instanceId", "elementId"):
+        assert (gpu[name] != cpu[name]).mean() < 0.002, name
+    for name in ("color", "depth", "normal"):
+        off = np.abs(gpu[name].astype(np.float64) - cpu[name])
+        assert np.mean(off > 1e-4) < 0.01, name
+
+
+@needs_device
+def test_a_scene_that_it_does_not_take_is_rendered_on_the_cpu():
+    stage = busy_stage()
+    (gpu, warnings), (cpu, _) = render(stage, "gpu", cull="back"), render(stage, "cpu", cull="back")
+    assert len(warnings) == 1 and "culled" in str(warnings[0])
+    for name in AOVS:
+        np.testing.assert_array_equal(gpu[name], cpu[name], err_msg=name)
+
+
+def command(*arguments, **environment):
+    run = [sys.executable, "-m", "hdtrapeze", *arguments]
+    return subprocess.run(
+        run, env=os.environ | environment, capture_output=True, text=True, check=False
+    )
+
+
+def test_devices_says_what_each_backend_uses():
+    found = command("devices")
+    assert found.returncode == 0
+    assert "--backend auto: the CPU" in found.stdout
+    for device in devices():
+        assert device.name in found.stdout
+
+
+def test_without_a_driver_it_is_an_error(tmp_path):
+    """VK_DRIVER_FILES tells the Vulkan loader which drivers there are."""
+    nothing = {"VK_DRIVER_FILES": str(tmp_path / "none.json"), "VK_ICD_FILENAMES": ""}
+    listed = command("devices", **nothing)
+    assert listed.returncode == 0 and "No GPU is found" in listed.stdout
+    path = tmp_path / "scene.usda"
+    stage = busy_stage()
+    stage.GetRootLayer().Export(str(path))
+    out = tmp_path / "out.png"
+    arguments = ("record", "--imageWidth", "16", "--samples", "1", str(path), str(out))
+    refused = command(*arguments, "--backend", "gpu", **nothing)
+    assert refused.returncode != 0 and not out.exists()
+    assert len(refused.stderr.strip().splitlines()) == 1
+    assert "no GPU is found" in refused.stderr
+    assert command(*arguments, "--backend", "auto", **nothing).returncode == 0
+    assert out.exists()
