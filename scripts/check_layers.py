@@ -1,9 +1,9 @@
 """Holds the direction of imports between the workspace's crates.
 
-shaders <- core <- core/gpu <- delegate <- ffi/capi, core/simd <- core, and core <- ffi/osd <- ffi/capi.
-Reads `cargo metadata`, so dependencies of every kind count (normal, build and dev). Also: wgpu belongs
-to core/gpu alone; cxx to ffi/osd alone; no crate is called `core`, which would shadow Rust's own; C and
-C++ outside ffi see only hdtrapeze.h.
+shaders <- core <- core/gpu <- delegate <- ffi/capi, core/simd <- core, core <- ffi/osd <- ffi/capi.
+Reads `cargo metadata`, so dependencies of every kind count (normal, build and dev). Also: wgpu
+belongs to core/gpu alone; cxx to ffi/osd alone; no crate is called `core`, which would shadow
+Rust's own; C and C++ outside ffi see only hdtrapeze.h.
 
 Prints each violation and exits with 1; tests/python/test_layers.py holds the check itself.
 """

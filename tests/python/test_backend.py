@@ -7,7 +7,6 @@ import sys
 import numpy as np
 import pytest
 from hdtrapeze.devices import devices
-from hdtrapeze.errors import NativeError
 from hdtrapeze.options import Options
 from hdtrapeze.render import Renderer
 from test_windows import busy_stage
@@ -19,7 +18,13 @@ needs_device = pytest.mark.skipif(not devices(), reason="no Vulkan, Metal or DX1
 
 def render(stage, backend, **options):
     options = Options(
-        width=48, height=48, samples=16, camera="/camera", aovs=list(AOVS), backend=backend, **options
+        width=48,
+        height=48,
+        samples=16,
+        camera="/camera",
+        aovs=list(AOVS),
+        backend=backend,
+        **options,
     )
     with Renderer(options) as renderer:
         renderer.load(stage, 0.0)

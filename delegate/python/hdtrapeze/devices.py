@@ -64,8 +64,8 @@ def print_devices() -> None:
         print(f"{number}: {device.name} ({device.kind}, {device.api})")
         print(f"   driver {device.driver}")
         print(
-            f"   buffers to {_size(device.largest_buffer)}, {_size(device.largest_binding)} at once; "
-            f"{device.workgroups} workgroups a side; timestamps {_yes(device.timestamps)}, "
+            f"   buffers to {_size(device.largest_buffer)}, "
+            f"{_size(device.largest_binding)} at once; {device.workgroups} workgroups a side; timestamps {_yes(device.timestamps)}, "
             f"subgroups {_yes(device.subgroups)}"
         )
     if not found:

@@ -122,7 +122,7 @@ def make_parser(version: str) -> argparse.ArgumentParser:
     commands.add_parser(
         "devices",
         help="list GPUs, and say what --backend makes of them",
-        description="Lists GPUs with their limits, and says which of them each --backend uses, and why.",
+        description="Lists GPUs with their limits, and says what each --backend uses, and why.",
         allow_abbrev=False,
     )
     return parser

@@ -53,7 +53,8 @@ fn to_c(from: &Found) -> trz_device {
 /// A text with its NUL, cut at the end of a character where it is too long.
 fn text<const N: usize>(from: &str) -> [c_char; N] {
     let mut out = [0; N];
-    let end = from.floor_char_boundary(N - 1);
+    let fits = |&end: &usize| end < N && from.is_char_boundary(end);
+    let end = (0..=from.len()).rev().find(fits).unwrap_or(0);
     for (to, byte) in out.iter_mut().zip(from[..end].bytes()) {
         *to = byte as c_char;
     }
