@@ -14,6 +14,8 @@ use trace_scenes::*;
 
 const RAYS: usize = 1500;
 
+type Check = Box<dyn FnOnce(&Tracer) -> Result<(), Failed> + Send>;
+
 fn random_ray(rng: &mut Rng) -> Ray {
     let origin = rng.direction() * (0.2 + 3.0 * rng.unit());
     let dir = (rng.cube() - origin) * (0.01 + 5.0 * rng.unit());
@@ -53,8 +55,10 @@ fn agree(tracer: &Tracer, world: &World, least_hits: usize) -> Result<(), Failed
     Ok(())
 }
 
-/// A corpus of objects: what is traced, its keys, and rays that hit it at least.
-fn objects() -> Vec<(&'static str, fn(&[f32]) -> World, usize)> {
+/// A name, what is traced, with these keys, and rays that hit it at least.
+type Traced = (&'static str, fn(&[f32]) -> World, usize);
+
+fn objects() -> Vec<Traced> {
     vec![
         ("sheet", |keys| world_of(sheet(3, 9, keys)), 300),
         ("patches", |keys| world_of(patches(40, 7, keys, 3)), 100),
@@ -182,7 +186,7 @@ fn main() {
         Err(error) => println!("ignored: {error}"),
     }
     let mut trials = Vec::new();
-    let mut add = |name: String, run: Box<dyn FnOnce(&Tracer) -> Result<(), Failed> + Send>| {
+    let mut add = |name: String, run: Check| {
         let tracer = tracer.clone();
         let ignored = tracer.is_err();
         let trial = Trial::test(name, move || run(&*tracer?));

@@ -63,11 +63,9 @@ def print_devices() -> None:
     for number, device in enumerate(found):
         print(f"{number}: {device.name} ({device.kind}, {device.api})")
         print(f"   driver {device.driver}")
-        print(
-            f"   buffers to {_size(device.largest_buffer)}, "
-            f"{_size(device.largest_binding)} at once; {device.workgroups} workgroups a side; timestamps {_yes(device.timestamps)}, "
-            f"subgroups {_yes(device.subgroups)}"
-        )
+        sizes = f"{_size(device.largest_buffer)}, {_size(device.largest_binding)} at once"
+        print(f"   buffers to {sizes}; {device.workgroups} workgroups a side")
+        print(f"   timestamps {_yes(device.timestamps)}, subgroups {_yes(device.subgroups)}")
     if not found:
         print("No GPU is found: there is no Vulkan, Metal or DX12 driver with a device.")
     print("--backend auto: the CPU, since a GPU traces camera rays only; the CPU does the rest")
