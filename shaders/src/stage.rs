@@ -7,6 +7,8 @@ pub struct TracePermutation {
     pub time: bool,
     /// Entries of the stack of a ray: one of [`STACKS`].
     pub stack: u32,
+    /// What rays cost is told.
+    pub counts: bool,
 }
 
 /// Sizes of stacks that are compiled.
@@ -18,8 +20,11 @@ pub const TRACE_WORKGROUP: u32 = 64;
 impl TracePermutation {
     /// All there are.
     pub fn all() -> impl Iterator<Item = Self> {
-        let times = [false, true].into_iter();
-        times.flat_map(|time| STACKS.map(|stack| Self { time, stack }))
+        (0..4 * STACKS.len()).map(|i| Self {
+            time: i & 1 != 0,
+            stack: STACKS[i / 4],
+            counts: i & 2 != 0,
+        })
     }
 
     /// The WGSL of the stage; its entry point is `trace`.
@@ -34,6 +39,10 @@ impl TracePermutation {
             include_str!("wgsl/slabs.wgsl"),
             include_str!("wgsl/cells.wgsl"),
             include_str!("wgsl/trace.wgsl"),
+            match self.counts {
+                true => include_str!("wgsl/tell_counts.wgsl"),
+                false => include_str!("wgsl/tell_none.wgsl"),
+            },
         ]
         .concat()
     }

@@ -123,6 +123,7 @@ impl GpuScene {
             permutation: TracePermutation {
                 time: arrays.time,
                 stack,
+                counts: false,
             },
             root,
             radius: world.radius(),

@@ -1,12 +1,16 @@
 //! The stage `trace` on a device.
+//!
+//! Rays go there in batches: [`Tracer::batch`] uploads one, [`Tracer::run`] traces it, [`Tracer::read`] fetches its hits.
+//! [`Tracer::trace`] does all of that for any number of rays.
 
 use std::collections::HashMap;
-use std::num::NonZeroU64;
 use std::sync::{Arc, Mutex, PoisonError, mpsc};
 
-use hdtrapeze_core::trace;
+use bytemuck::Pod;
+use hdtrapeze_core::trace::{self, TraceCounts};
 use hdtrapeze_shaders::layout::{Hit, Ray, TraceLaunch};
 use hdtrapeze_shaders::stage::{TRACE_WORKGROUP, TracePermutation};
+use wgpu::BufferUsages as Usage;
 
 use super::{Device, GpuError, GpuScene};
 
@@ -17,9 +21,20 @@ const LAUNCH: usize = 1 << 19;
 #[derive(Debug)]
 pub struct Tracer {
     device: Arc<Device>,
-    layouts: [wgpu::BindGroupLayout; 2],
-    layout: wgpu::PipelineLayout,
+    /// Of the scene, of a batch, and of one that is counted.
+    layouts: [wgpu::BindGroupLayout; 3],
     pipelines: Mutex<HashMap<TracePermutation, wgpu::ComputePipeline>>,
+}
+
+/// Rays on a device, and what they hit.
+#[derive(Debug)]
+pub struct Batch {
+    pipeline: wgpu::ComputePipeline,
+    groups: [wgpu::BindGroup; 2],
+    hits: wgpu::Buffer,
+    counts: Option<wgpu::Buffer>,
+    len: usize,
+    size: [u32; 2],
 }
 
 /// A binding of the stage.
@@ -48,20 +63,14 @@ impl Tracer {
             device.device.create_bind_group_layout(&descriptor)
         };
         let scene = [0, 1, 2, 3, 4, 5].map(|binding| entry(binding, storage(true)));
-        let launch = [
+        let batch = [
             entry(0, storage(true)),
             entry(1, storage(false)),
             entry(2, wgpu::BufferBindingType::Uniform),
+            entry(3, storage(false)),
         ];
-        let layouts = [layout(&scene), layout(&launch)];
-        let pipeline = wgpu::PipelineLayoutDescriptor {
-            label: Some("trace"),
-            bind_group_layouts: &[Some(&layouts[0]), Some(&layouts[1])],
-            immediate_size: 0,
-        };
         Self {
-            layout: device.device.create_pipeline_layout(&pipeline),
-            layouts,
+            layouts: [layout(&scene), layout(&batch[..3]), layout(&batch)],
             pipelines: Mutex::default(),
             device,
         }
@@ -84,12 +93,177 @@ impl Tracer {
         any: bool,
         hits: &mut [trace::Hit],
     ) -> Result<(), GpuError> {
-        self.device.check()?;
-        let pipeline = self.pipeline(scene.permutation)?;
-        let group = self.group(0, &scene.group.each_ref());
         for (rays, hits) in rays.chunks(LAUNCH).zip(hits.chunks_mut(LAUNCH)) {
-            self.launch(&pipeline, &group, scene, rays, any, hits)?;
+            let batch = self.batch(scene, rays, any, false)?;
+            self.run(&batch)?;
+            self.read(&batch, hits)?;
         }
+        Ok(())
+    }
+
+    /// Uploads rays; with `counts`, what each costs is told too.
+    ///
+    /// # Errors
+    /// They are more than the device takes at once, or it is lost.
+    pub fn batch(
+        &self,
+        scene: &GpuScene,
+        rays: &[trace::Ray],
+        any: bool,
+        counts: bool,
+    ) -> Result<Batch, GpuError> {
+        let device = &*self.device;
+        device.check()?;
+        let permutation = TracePermutation {
+            counts,
+            ..scene.permutation
+        };
+        let packed: Vec<Ray> = rays.iter().map(packed).collect();
+        let groups = (rays.len() as u32).div_ceil(TRACE_WORKGROUP).max(1);
+        let rows = groups.div_ceil(device.found().workgroups);
+        let across = groups.div_ceil(rows);
+        let launch = TraceLaunch {
+            root: scene.root,
+            ray_count: rays.len() as u32,
+            row: across * TRACE_WORKGROUP,
+            any: any.into(),
+            radius: scene.radius,
+            pad: scene.pad,
+        };
+        let rays_there = device.upload("rays", bytemuck::cast_slice(&packed))?;
+        let answers = |what: &'static str, each: usize| {
+            let bytes = (rays.len().max(1) * each) as u64;
+            device.buffer(what, bytes, Usage::STORAGE | Usage::COPY_SRC)
+        };
+        let hits = answers("hits", size_of::<Hit>())?;
+        let counted = match counts {
+            true => Some(answers("counts", size_of::<[u32; 2]>())?),
+            false => None,
+        };
+        let launch_there = device.buffer("launch", 32, Usage::UNIFORM | Usage::COPY_DST)?;
+        let bytes = bytemuck::bytes_of(&launch);
+        device.queue.write_buffer(&launch_there, 0, bytes);
+        let mut buffers = vec![&rays_there, &hits, &launch_there];
+        buffers.extend(counted.as_ref());
+        let scene_group = self.group(0, &scene.group.each_ref());
+        let batch_group = self.group(1 + usize::from(counts), &buffers);
+        Ok(Batch {
+            pipeline: self.pipeline(permutation)?,
+            groups: [scene_group, batch_group],
+            hits,
+            counts: counted,
+            len: rays.len(),
+            size: [across, rows],
+        })
+    }
+
+    /// Traces a batch; gives the seconds that the device took, where it can tell.
+    ///
+    /// # Errors
+    /// The device failed or is lost.
+    pub fn run(&self, batch: &Batch) -> Result<Option<f64>, GpuError> {
+        let device = &*self.device;
+        let clock = device.found().timestamps.then(|| {
+            let set = device.device.create_query_set(&wgpu::QuerySetDescriptor {
+                label: Some("trace"),
+                ty: wgpu::QueryType::Timestamp,
+                count: 2,
+            });
+            let usage = Usage::QUERY_RESOLVE | Usage::COPY_SRC;
+            device.buffer("times", 16, usage).map(|times| (set, times))
+        });
+        let clock = clock.transpose()?;
+        let mut encoder = device.device.create_command_encoder(&Default::default());
+        {
+            let writes = clock
+                .as_ref()
+                .map(|(set, _)| wgpu::ComputePassTimestampWrites {
+                    query_set: set,
+                    beginning_of_pass_write_index: Some(0),
+                    end_of_pass_write_index: Some(1),
+                });
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+                label: Some("trace"),
+                timestamp_writes: writes,
+            });
+            pass.set_pipeline(&batch.pipeline);
+            pass.set_bind_group(0, &batch.groups[0], &[]);
+            pass.set_bind_group(1, &batch.groups[1], &[]);
+            pass.dispatch_workgroups(batch.size[0], batch.size[1], 1);
+        }
+        if let Some((set, times)) = &clock {
+            encoder.resolve_query_set(set, 0..2, times, 0);
+        }
+        device.wait(device.queue.submit([encoder.finish()]))?;
+        let Some((_, times)) = clock else {
+            return Ok(None);
+        };
+        let mut ends = [0u64; 2];
+        self.fetch(&times, &mut ends)?;
+        let ticks = ends[1].saturating_sub(ends[0]) as f64;
+        Ok(Some(
+            ticks * f64::from(device.queue.get_timestamp_period()) * 1e-9,
+        ))
+    }
+
+    /// Fetches the hits of a batch that has run.
+    ///
+    /// # Errors
+    /// The device failed or is lost.
+    pub fn read(&self, batch: &Batch, hits: &mut [trace::Hit]) -> Result<(), GpuError> {
+        let mut answers = vec![Hit::default(); batch.len];
+        self.fetch(&batch.hits, &mut answers)?;
+        for (hit, answer) in hits.iter_mut().zip(&answers) {
+            *hit = unpacked(answer);
+        }
+        Ok(())
+    }
+
+    /// What a batch cost that has run, where that is told.
+    ///
+    /// # Errors
+    /// The device failed or is lost.
+    pub fn counts(&self, batch: &Batch) -> Result<Option<TraceCounts>, GpuError> {
+        let Some(buffer) = &batch.counts else {
+            return Ok(None);
+        };
+        let mut each = vec![[0u32; 2]; batch.len];
+        self.fetch(buffer, &mut each)?;
+        let of = |&[nodes, cells]: &[u32; 2]| TraceCounts {
+            rays: 1,
+            node_tests: nodes.into(),
+            cell_tests: cells.into(),
+        };
+        let sum = each.iter().map(of);
+        Ok(Some(sum.fold(TraceCounts::default(), |a, b| a + b)))
+    }
+
+    /// Copies the start of a buffer.
+    fn fetch<T: Pod>(&self, from: &wgpu::Buffer, into: &mut [T]) -> Result<(), GpuError> {
+        let device = &*self.device;
+        let bytes = size_of_val(into) as u64;
+        if bytes == 0 {
+            return Ok(());
+        }
+        let back = device.buffer("answers", bytes, Usage::MAP_READ | Usage::COPY_DST)?;
+        let mut encoder = device.device.create_command_encoder(&Default::default());
+        encoder.copy_buffer_to_buffer(from, 0, &back, 0, bytes);
+        let (done, mapped) = mpsc::channel();
+        encoder.map_buffer_on_submit(&back, wgpu::MapMode::Read, .., move |result| {
+            // Nobody listens where waiting failed.
+            let _ = done.send(result.is_ok());
+        });
+        device.wait(device.queue.submit([encoder.finish()]))?;
+        let unreadable = || GpuError::Failed {
+            name: device.found().name.clone(),
+            why: "its answers cannot be read".to_owned(),
+        };
+        if mapped.try_recv() != Ok(true) {
+            return Err(unreadable());
+        }
+        let view = back.get_mapped_range(..).map_err(|_| unreadable())?;
+        let to: &mut [u8] = bytemuck::cast_slice_mut(into);
+        to.copy_from_slice(&view[..to.len()]);
         Ok(())
     }
 
@@ -107,16 +281,18 @@ impl Tracer {
             label: Some("trace"),
             source: wgpu::ShaderSource::Wgsl(permutation.source().into()),
         });
+        let batch = &self.layouts[1 + usize::from(permutation.counts)];
+        let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: Some("trace"),
+            bind_group_layouts: &[Some(&self.layouts[0]), Some(batch)],
+            immediate_size: 0,
+        });
         let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some("trace"),
-            layout: Some(&self.layout),
+            layout: Some(&layout),
             module: &module,
             entry_point: Some("trace"),
-            compilation_options: wgpu::PipelineCompilationOptions {
-                // Written by the stage before they are read.
-                zero_initialize_workgroup_memory: false,
-                ..Default::default()
-            },
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
             cache: None,
         });
         if let Some(error) = pollster::block_on(scope.pop()) {
@@ -144,76 +320,6 @@ impl Tracer {
             entries: &entries,
         };
         self.device.device.create_bind_group(&descriptor)
-    }
-
-    fn launch(
-        &self,
-        pipeline: &wgpu::ComputePipeline,
-        scene_group: &wgpu::BindGroup,
-        scene: &GpuScene,
-        rays: &[trace::Ray],
-        any: bool,
-        hits: &mut [trace::Hit],
-    ) -> Result<(), GpuError> {
-        use wgpu::BufferUsages as Usage;
-        let device = &*self.device;
-        let count = rays.len().min(hits.len());
-        let packed: Vec<Ray> = rays[..count].iter().map(packed).collect();
-        let groups = (count as u32).div_ceil(TRACE_WORKGROUP);
-        let rows = groups.div_ceil(device.found().workgroups).max(1);
-        let across = groups.div_ceil(rows).max(1);
-        let launch = TraceLaunch {
-            root: scene.root,
-            ray_count: count as u32,
-            row: across * TRACE_WORKGROUP,
-            any: any.into(),
-            radius: scene.radius,
-            pad: scene.pad,
-        };
-        let bytes = (count * size_of::<Hit>()) as u64;
-        let Some(size) = NonZeroU64::new(bytes) else {
-            return Ok(());
-        };
-        let ray_buffer = device.upload("rays", bytemuck::cast_slice(&packed))?;
-        let hit_buffer = device.buffer("hits", size.get(), Usage::STORAGE | Usage::COPY_SRC)?;
-        let back = device.buffer("hits", size.get(), Usage::MAP_READ | Usage::COPY_DST)?;
-        let uniform = Usage::UNIFORM | Usage::COPY_DST;
-        let launch_buffer = device.buffer("launch", 32, uniform)?;
-        device
-            .queue
-            .write_buffer(&launch_buffer, 0, bytemuck::bytes_of(&launch));
-        let launch_group = self.group(1, &[&ray_buffer, &hit_buffer, &launch_buffer]);
-        let mut encoder = device.device.create_command_encoder(&Default::default());
-        {
-            let mut pass = encoder.begin_compute_pass(&Default::default());
-            pass.set_pipeline(pipeline);
-            pass.set_bind_group(0, scene_group, &[]);
-            pass.set_bind_group(1, &launch_group, &[]);
-            pass.dispatch_workgroups(across, rows, 1);
-        }
-        encoder.copy_buffer_to_buffer(&hit_buffer, 0, &back, 0, size.get());
-        let (done, mapped) = mpsc::channel();
-        encoder.map_buffer_on_submit(&back, wgpu::MapMode::Read, .., move |result| {
-            // Nobody listens where waiting failed.
-            let _ = done.send(result.is_ok());
-        });
-        let submission = device.queue.submit([encoder.finish()]);
-        device.wait(submission)?;
-        let failed = |why: &str| GpuError::Failed {
-            name: device.found().name.clone(),
-            why: why.to_owned(),
-        };
-        if mapped.try_recv() != Ok(true) {
-            return Err(failed("its answers cannot be read"));
-        }
-        let view = back
-            .get_mapped_range(..)
-            .map_err(|_| failed("its answers cannot be read"))?;
-        let answers: &[Hit] = bytemuck::cast_slice(&view);
-        for (hit, answer) in hits.iter_mut().zip(answers) {
-            *hit = unpacked(answer);
-        }
-        Ok(())
     }
 }
 

@@ -4,8 +4,9 @@
 // first, with one stack for both. Hits are compared by (t, instance, grid, cell), and entries are dropped only when they
 // start behind the best hit, so the answer does not depend on the order of the walk.
 
-// The permutation fixes TIME (something moves: nodes, vertices or instances may have a second end) and STACK (entries of
-// the stack; the host knows how many a scene needs at most).
+// The permutation fixes TIME (something moves: nodes, vertices or instances may have a second end), STACK (entries of
+// the stack; the host knows how many a scene needs at most) and what `tell` does with the work of a ray: tell_none.wgsl or
+// tell_counts.wgsl.
 
 @group(0) @binding(0) var<storage, read> nodes: array<vec4<u32>>;
 @group(0) @binding(1) var<storage, read> planes: array<f32>;
@@ -101,12 +102,16 @@ fn trace(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_inde
     let ray = rays[index];
     var best = Best(ray.t_max, 0.0, 0.0, NONE, 0u, 0u);
     if launch.root != EMPTY && ray.t_min <= ray.t_max && is_sound(ray.origin, ray.dir) {
-        walk(ray, &best);
+        tell(index, walk(ray, &best));
+    } else {
+        tell(index, vec2<u32>(0u));
     }
     hits[index] = Hit(best.t, best.u, best.v, best.instance, best.grid, best.cell);
 }
 
-fn walk(ray: Ray, best: ptr<function, Best>) {
+// Gives the nodes opened and the micropolygons tested.
+fn walk(ray: Ray, best: ptr<function, Best>) -> vec2<u32> {
+    var tests = vec2<u32>(0u);
     var stack: array<vec2<u32>, STACK>;
     var top = 0u;
     // Above this the stack holds what is to be visited of the object; `inside` is false in the tree over instances.
@@ -130,6 +135,7 @@ fn walk(ray: Ray, best: ptr<function, Best>) {
     loop {
         var leave = true;
         if (at & LEAF) == 0u {
+            tests.x += 1u;
             let moves = (at & MOVES) != 0u;
             let place = at & PLACE;
             let children = select(18u, 36u, TIME && moves);
@@ -193,9 +199,12 @@ fn walk(ray: Ray, best: ptr<function, Best>) {
                 leave = false;
             }
         } else if (at & LOOSE) != 0u {
-            test_group(best, loose_rect(object, at), object, cells, ray.t_min, instance);
+            let rect = loose_rect(object, at);
+            tests.y += rect.w * rect.h;
+            test_group(best, rect, object, cells, ray.t_min, instance);
         } else {
             // A block: bounds of its groups, where they are, its frame.
+            tests.x += 1u;
             let place = at & PLACE;
             let moves = TIME && object.key_count > 1u;
             let span_at = select(18u, 36u, moves);
@@ -227,11 +236,13 @@ fn walk(ray: Ray, best: ptr<function, Best>) {
                 if near > (*best).t {
                     break;
                 }
-                test_group(best, group_rect(grid, span, slot), object, cells, ray.t_min, instance);
+                let rect = group_rect(grid, span, slot);
+                tests.y += rect.w * rect.h;
+                test_group(best, rect, object, cells, ray.t_min, instance);
             }
         }
         if launch.any != 0u && (*best).instance != NONE {
-            return;
+            return tests;
         }
         // The next subtree that does not start behind the best hit.
         while leave {
@@ -243,7 +254,7 @@ fn walk(ray: Ray, best: ptr<function, Best>) {
                 slab = turned(tree, 0u);
             }
             if top == 0u {
-                return;
+                return tests;
             }
             top -= 1u;
             let entry = stack[top];
@@ -253,4 +264,5 @@ fn walk(ray: Ray, best: ptr<function, Best>) {
             }
         }
     }
+    return tests;
 }

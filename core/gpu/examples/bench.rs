@@ -1,0 +1,172 @@
+//! What a GPU makes of camera rays, beside the CPU, on the same rays: one file, which needs nothing but a Vulkan driver.
+//!
+//! ```text
+//! cargo build --release -p hdtrapeze-gpu --example bench
+//! target/release/examples/bench [--size MILLIONS] [--image PIXELS] [--repeat TIMES] [--no-cpu]
+//! ```
+//!
+//! Scenes of about so many million micropolygons (1): a rippling sheet, tumbling patches, fur; each still, and moving and
+//! defocused. Rays of an image of `PIXELS` squared (1024) with 4 samples each. Hits are compared with the CPU's before a
+//! time is printed. The device's time is by its own timestamps, of the fastest of `TIMES` (5) launches.
+
+#[path = "../../tests/trace_scenes/mod.rs"]
+mod trace_scenes;
+
+use std::error::Error;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::time::Instant;
+
+use glam::Vec3;
+use hdtrapeze_core::grid::DicedMesh;
+use hdtrapeze_core::trace::{Hit, Ray, TraceCounts, World};
+use hdtrapeze_gpu::{Choice, Device, GpuScene, Tracer};
+use rayon::prelude::*;
+use trace_scenes::lens::Lens;
+use trace_scenes::{fur, keys, patches, sheet, world_of};
+
+/// Share of rays whose answers may differ from the CPU's: those that meet an edge within rounding.
+const DIFFERENT: f64 = 0.002;
+
+struct Options {
+    millions: f64,
+    image: usize,
+    repeat: u32,
+    cpu: bool,
+}
+
+fn options() -> Result<Options, Box<dyn Error>> {
+    let mut options = Options {
+        millions: 1.0,
+        image: 1024,
+        repeat: 5,
+        cpu: true,
+    };
+    let mut arguments = std::env::args().skip(1);
+    while let Some(flag) = arguments.next() {
+        let mut value = || arguments.next().ok_or(format!("{flag} needs a value"));
+        match flag.as_str() {
+            "--size" => options.millions = value()?.parse()?,
+            "--image" => options.image = value()?.parse()?,
+            "--repeat" => options.repeat = value()?.parse()?,
+            "--no-cpu" => options.cpu = false,
+            _ => return Err(format!("unknown flag {flag}; see the head of bench.rs").into()),
+        }
+    }
+    let sound = options.millions > 0.0 && options.image >= 8 && options.repeat > 0;
+    if !sound {
+        return Err("sizes and counts must be above 0, images 8 pixels or more".into());
+    }
+    Ok(options)
+}
+
+/// A scene of about `cells` micropolygons, by name.
+fn scene(name: &str, cells: f64, key_count: usize) -> DicedMesh {
+    let keys = keys(key_count);
+    match name {
+        "sheet" => sheet((cells / 256.0).sqrt().ceil() as usize, 16, &keys),
+        "patches" => patches((cells / 256.0).ceil() as usize, 16, &keys, 3),
+        _ => fur((cells / 16.0).ceil() as usize, &keys, 4),
+    }
+}
+
+fn view(name: &str, radius: f32) -> Lens {
+    match name {
+        "fur" => Lens::new(Vec3::new(0.0, -2.2, 1.6), Vec3::ZERO, radius, 0.45),
+        _ => Lens::new(Vec3::new(0.3, -1.6, 2.4), Vec3::ZERO, radius, 0.4),
+    }
+}
+
+/// Answers that name another micropolygon.
+fn differences(a: &[Hit], b: &[Hit]) -> usize {
+    let id = |hit: &Hit| (hit.instance, hit.grid, hit.cell);
+    a.iter().zip(b).filter(|(a, b)| id(a) != id(b)).count()
+}
+
+fn on_cpu(world: &World, rays: &[Ray]) -> (Vec<Hit>, f64) {
+    let mut hits = vec![Hit::MISS; rays.len()];
+    let start = Instant::now();
+    let work = rays.par_chunks(4096).zip(hits.par_chunks_mut(4096));
+    work.for_each(|(rays, hits)| world.trace_many(rays, hits, &mut TraceCounts::default()));
+    (hits, start.elapsed().as_secs_f64())
+}
+
+fn run() -> Result<(), Box<dyn Error>> {
+    let options = options()?;
+    let device = Arc::new(Device::open(Choice::Any)?);
+    let found = device.found();
+    println!("device: {}, {}, {}", found.name, found.api, found.driver);
+    println!(
+        "{:<8} {:<7} {:>8} {:>8} {:>9} {:>9} {:>8} {:>8} {:>9} {:>9}",
+        "scene",
+        "motion",
+        "Mcells",
+        "MiB",
+        "upload s",
+        "Mrays/s",
+        "nodes",
+        "cells",
+        "differ",
+        "CPU"
+    );
+    let tracer = Tracer::new(Arc::clone(&device));
+    for name in ["sheet", "patches", "fur"] {
+        for (motion, key_count, radius) in [("still", 1, 0.0), ("blurred", 2, 0.02)] {
+            let mesh = scene(name, options.millions * 1e6, key_count);
+            let cells = mesh.cell_count();
+            let world = world_of(mesh);
+            let rays = view(name, radius).rays(options.image);
+            let start = Instant::now();
+            let scene = GpuScene::new(&device, &world)?;
+            let upload = start.elapsed().as_secs_f64();
+            let counted = tracer.batch(&scene, &rays, false, true)?;
+            tracer.run(&counted)?;
+            let counts = tracer.counts(&counted)?.unwrap_or_default();
+            drop(counted);
+            let batch = tracer.batch(&scene, &rays, false, false)?;
+            let mut best = f64::INFINITY;
+            for _ in 0..options.repeat {
+                let start = Instant::now();
+                let timed = tracer.run(&batch)?;
+                best = best.min(timed.unwrap_or_else(|| start.elapsed().as_secs_f64()));
+            }
+            let mut hits = vec![Hit::MISS; rays.len()];
+            tracer.read(&batch, &mut hits)?;
+            // Without the CPU's time, a sample is compared all the same.
+            let some = if options.cpu {
+                rays.len()
+            } else {
+                rays.len().min(65536)
+            };
+            let (expected, seconds) = on_cpu(&world, &rays[..some]);
+            let differ = differences(&hits, &expected) as f64 / some as f64;
+            if differ > DIFFERENT {
+                return Err(format!("{name}, {motion}: {differ} of the hits differ").into());
+            }
+            let per_ray = |count: u64| count as f64 / rays.len() as f64;
+            println!(
+                "{name:<8} {motion:<7} {:>8.2} {:>8.0} {upload:>9.2} {:>9.1} {:>8.1} {:>8.1} {differ:>9.6} {:>9}",
+                cells as f64 * 1e-6,
+                scene.bytes as f64 / f64::from(1 << 20),
+                rays.len() as f64 / best * 1e-6,
+                per_ray(counts.node_tests),
+                per_ray(counts.cell_tests),
+                match options.cpu {
+                    true => format!("{:.1}", some as f64 / seconds * 1e-6),
+                    false => "-".to_owned(),
+                },
+            );
+        }
+    }
+    Ok(())
+}
+
+fn main() -> ExitCode {
+    match run() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
