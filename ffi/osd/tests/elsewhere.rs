@@ -1,0 +1,107 @@
+//! Camera rays that are traced elsewhere give the same image, and one that fails on the way costs nothing.
+
+mod hidden;
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+
+use glam::DVec3;
+use hdtrapeze_core::render::{Elsewhere, Frame, Prepared, RayTracer, RenderControl, render_with};
+use hdtrapeze_core::scene::{Cull, Interpolation, PrimvarDesc, RenderSettings, Scene};
+use hdtrapeze_core::trace::{Hit, Ray, TraceCounts};
+use hidden::{ball, bits, placed, prepared, rendered, scene, sheet, with_culling};
+
+/// The CPU, in a GPU's place: fails at call number `fails`.
+struct Standin<'a> {
+    prepared: &'a Prepared,
+    calls: AtomicU32,
+    fails: u32,
+}
+
+impl RayTracer for Standin<'_> {
+    fn trace(&self, rays: &[Ray], hits: &mut [Hit]) -> Result<(), String> {
+        if self.calls.fetch_add(1, Ordering::Relaxed) >= self.fails {
+            hits.fill(Hit::MISS);
+            return Err("it is lost".to_owned());
+        }
+        let world = self.prepared.world();
+        world.trace_many(rays, hits, &mut TraceCounts::default());
+        Ok(())
+    }
+}
+
+fn stage() -> Scene {
+    let aovs = ["color", "depth", "normal", "primId", "motionVectors"];
+    let settings = RenderSettings {
+        resolution: [72, 40],
+        samples: 9,
+        aovs: aovs.map(str::to_owned).to_vec(),
+        ..RenderSettings::default()
+    };
+    let mut prims = vec![placed(sheet("/wall", 8, 24.0), &[DVec3::NEG_Z * 12.0])];
+    for i in 0..3 {
+        let from = DVec3::new(f64::from(i) * 3.0 - 3.0, 0.0, -4.0);
+        let to = from + DVec3::new(0.3, 0.5, 0.0);
+        prims.push(placed(ball(&format!("/ball{i}"), 6, 1.5, 0.1), &[from, to]));
+    }
+    let half = PrimvarDesc::still(Interpolation::Constant, 1, vec![0.5], vec![]);
+    let glass = &mut prims[1].common.primvars;
+    glass.insert("displayOpacity".to_owned(), half);
+    with_culling(&scene(prims, settings, 0.5), false)
+}
+
+/// The image, how often the tracer was asked, and why it failed, if it did.
+fn traced_elsewhere(prepared: &Prepared, fails: u32) -> (Frame, u32, Option<String>) {
+    let settings = prepared.settings();
+    let frame = Frame::new(settings.resolution, None, prepared.aovs()).expect("a film");
+    let standin = Standin {
+        prepared,
+        calls: AtomicU32::new(0),
+        fails,
+    };
+    let elsewhere = Elsewhere::new(&standin);
+    let control = RenderControl {
+        cancel: &AtomicBool::new(false),
+        on_progress: &|fraction| assert!((0.0..=1.0).contains(&fraction)),
+        on_pass: &|_, _| {},
+    };
+    let statistics = render_with(prepared, &frame, &control, Some(&elsewhere));
+    assert!(!statistics.cancelled);
+    assert_eq!(frame.samples_done(), settings.samples);
+    let calls = standin.calls.load(Ordering::Relaxed);
+    (frame, calls, elsewhere.fault())
+}
+
+#[test]
+fn the_image_is_the_same_wherever_rays_are_traced() {
+    let prepared = prepared(&stage(), None);
+    let here = bits(&rendered(&prepared).0);
+    let (frame, calls, fault) = traced_elsewhere(&prepared, u32::MAX);
+    // Passes of 1, 1, 2, 4 and 1 samples.
+    assert_eq!((calls, fault), (5, None));
+    assert!(bits(&frame) == here);
+}
+
+#[test]
+fn samples_that_were_taken_stay_when_it_fails() {
+    let prepared = prepared(&stage(), None);
+    let here = bits(&rendered(&prepared).0);
+    for fails in [0, 1, 3, 4] {
+        let (frame, calls, fault) = traced_elsewhere(&prepared, fails);
+        // It is not asked again.
+        assert_eq!(calls, fails + 1);
+        assert_eq!(fault.as_deref(), Some("it is lost"));
+        assert!(bits(&frame) == here, "failed at call {fails}");
+    }
+}
+
+#[test]
+fn culled_sides_are_traced_here() {
+    let mut stage = stage();
+    Arc::make_mut(&mut stage.settings).cull = Cull::Back;
+    let prepared = prepared(&stage, None);
+    let here = bits(&rendered(&prepared).0);
+    let (frame, calls, _) = traced_elsewhere(&prepared, u32::MAX);
+    assert_eq!(calls, 0);
+    assert!(bits(&frame) == here);
+}
