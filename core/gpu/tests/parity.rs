@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 use hdtrapeze_core::trace::{Hit, InstanceTransform, Ray, TraceCounts, World, brute};
-use hdtrapeze_gpu::{Choice, Device, GpuScene, Tracer};
+use hdtrapeze_gpu::{Choice, Device, GpuError, GpuScene, Tracer};
 use libtest_mimic::{Arguments, Failed, Trial};
 use trace_scenes::*;
 
@@ -178,6 +178,22 @@ fn watertight(tracer: &Tracer) -> Result<(), Failed> {
     Ok(())
 }
 
+/// What does not fit is refused in words, and the device goes on working.
+fn too_large(tracer: &Tracer) -> Result<(), Failed> {
+    let found = tracer.device().found();
+    // 289 vertices of 12 bytes a grid; devices that bind more are not filled for this.
+    let grids = (found.largest_binding / (289 * 12) + 1) as f64;
+    if grids > 50_000.0 {
+        return Ok(());
+    }
+    let world = world_of(sheet(grids.sqrt().ceil() as usize, 16, &[0.0]));
+    match GpuScene::new(tracer.device(), &world) {
+        Err(error @ GpuError::TooLarge { .. }) if error.to_string().contains("vertices") => {}
+        other => return Err(format!("{other:?}").into()),
+    }
+    agree(tracer, &world_of(sheet(3, 9, &[0.0])), 300)
+}
+
 fn main() {
     let arguments = Arguments::from_args();
     let tracer = Device::open(Choice::Any).map(|device| Arc::new(Tracer::new(Arc::new(device))));
@@ -217,6 +233,7 @@ fn main() {
         "surfaces_that_coincide".to_owned(),
         Box::new(|tracer| agree(tracer, &coincident(), 300)),
     );
+    add("scenes_that_are_too_large".to_owned(), Box::new(too_large));
     add("bad_rays".to_owned(), Box::new(bad_rays));
     add("watertight".to_owned(), Box::new(watertight));
     libtest_mimic::run(&arguments, trials).exit();
