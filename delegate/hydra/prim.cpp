@@ -157,6 +157,13 @@ void HdTrapezePrim::Include(SdfPath const& id, bool included, HdTrapezeRenderPar
 void HdTrapezePrim::_SyncTransform(SdfPath const& id, HdSceneDelegate* delegate,
                                    HdTrapezeRenderParam& param) {
     auto const samples = HdTrapezeSampleTransform(delegate, id, Shutter(param));
+    auto const moves = [&](GfMatrix4d const& m) { return m != samples.values.front(); };
+    if (_reach > 1.0 && std::any_of(samples.values.begin(), samples.values.end(), moves) &&
+        HdTrapezeRenderParam::IsOfDelegate(delegate->GetRenderIndex(), id)) {
+        param.WarnOnce(id,
+                       "its motion:blurScale is above 1, but this host samples transforms for its "
+                       "camera's shutter alone: outside of it they stand still");
+    }
     trz_transform_samples const level = samples.Level();
     param.Edit(trz_prim_set_transform(param.Session(), _id, &level, samples.LevelCount()), id);
 }

@@ -184,6 +184,10 @@ bool HdTrapezeRenderParam::_MarkDirty(HdRenderIndex& index, HdDirtyBits bits, So
     return any;
 }
 
+bool HdTrapezeRenderParam::IsOfDelegate(HdRenderIndex const& index, SdfPath const& id) {
+    return _IsOfDelegate(index.GetTerminalSceneIndex(), id);
+}
+
 bool HdTrapezeRenderParam::HasDelegates(HdRenderIndex const& index) const {
     std::lock_guard<std::mutex> lock(_mutex);
     return !_prims.empty() && _IsOfDelegate(index.GetTerminalSceneIndex(), _prims.begin()->first);

@@ -81,6 +81,9 @@ public:
     /// Has what may move synced again. True where there is any.
     bool MarkMotionDirty(HdRenderIndex& index, Source source) const;
 
+    /// Whether a prim comes from a scene delegate, not from a scene index.
+    static bool IsOfDelegate(HdRenderIndex const& index, SdfPath const& id);
+
     /// Whether there are prims of scene delegates.
     bool HasDelegates(HdRenderIndex const& index) const;
 

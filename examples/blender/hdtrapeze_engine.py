@@ -73,7 +73,11 @@ class TrapezeSettings(bpy.types.PropertyGroup):
         max=64.0,
     )
     filter: bpy.props.EnumProperty(name="Filter", items=FILTERS, default="gaussian")
-    motion_blur: bpy.props.BoolProperty(name="Motion Blur", default=True)
+    motion_blur: bpy.props.BoolProperty(
+        name="Motion Blur",
+        description="Of what Blender's Hydra hands on: 4.5 gives no motion of objects or points",
+        default=True,
+    )
     depth_of_field: bpy.props.BoolProperty(name="Depth of Field", default=True)
 
     @classmethod

@@ -73,6 +73,11 @@ def test_what_turns_goes_along_its_arc(host):
     compare(host, "spins", alike=assert_alike if host.scene_index else assert_near)
 
 
+def test_baked_matrices_go_straight(host):
+    """No sample lies within the shutter, and what it begins with is not shrunk."""
+    compare(host, "baked")
+
+
 @pytest.mark.parametrize("camera", ["/main_cam", "/Rig/orbit_cam"])
 def test_orbits(index_host, camera):
     """Scene indices evaluate where a centre is, too."""

@@ -102,6 +102,14 @@ impl Timeline {
         self.samples.windows(2).map(|pair| (pair[0], pair[1]))
     }
 
+    /// The same of three that follow each other, and where between the outer two the one in the middle is.
+    pub fn triples(&self) -> impl Iterator<Item = ([usize; 3], f64)> + '_ {
+        let times = self.times.windows(3);
+        let of = |t: &[f64]| (t[1] - t[0]) / (t[2] - t[0]);
+        let indices = self.samples.windows(3).map(|i| [i[0], i[1], i[2]]);
+        indices.zip(times.map(of))
+    }
+
     /// The blend at `time` (in [0, 1] across the shutter).
     pub fn blend(&self, time: f64) -> Blend {
         let next = self.times.partition_point(|&t| t <= time);

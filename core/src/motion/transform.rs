@@ -246,6 +246,14 @@ fn turns(timeline: &Timeline, matrices: &[DAffine3]) -> Vec<Option<Turn>> {
     for (a, b) in timeline.neighbours() {
         turns[a] = Turn::between(&matrices[a], &matrices[b]);
     }
+    for ([a, middle, b], f) in timeline.triples() {
+        let known = turns[a].is_some() && turns[middle].is_some();
+        let of = [a, middle, b].map(|i| &matrices[i]);
+        if let Some([first, second]) = (!known).then(|| Turn::shown(of, f)).flatten() {
+            turns[a] = Some(first);
+            turns[middle] = Some(second);
+        }
+    }
     match turns.iter().any(Option::is_some) {
         true => turns,
         false => Vec::new(),

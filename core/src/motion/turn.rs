@@ -1,8 +1,14 @@
 //! Turns from one matrix to another.
 //!
 //! A matrix is split into a rotation and a stretch (polar decomposition, Higham 1986). Between two of
-//! them the rotation turns at constant speed, stretch and position go linearly: what turns keeps
-//! its size, where entry-wise interpolation would shrink it.
+//! them the rotation turns at constant speed: what turns keeps its size, where entry-wise interpolation would
+//! shrink it.
+//!
+//! Two samples tell little of what lies between them, so only what can hardly be anything else is turned: what has the
+//! same stretch and the same place at both, or a third sample between them that is where turning takes it. A matrix that was interpolated entry by entry, as USD does with authored
+//! ones, is shrunk, and gives itself away; so does a turn below a scale. A place that changes may be a wheel's that
+//! rolls, or a door's about its hinge: entry-wise interpolation is right about both their middles, and turning is
+//! about one of them alone.
 
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3};
 
@@ -11,6 +17,10 @@ use crate::scene::Samples;
 /// Newton steps of the polar decomposition: it converges quadratically from any matrix that is not
 /// nearly singular; a rigid one needs one.
 const POLAR_STEPS: usize = 32;
+/// Differences of stretch, and of place, that are none: parts of the largest number.
+const SAME: f64 = 1.0e-6;
+/// How far a sample in the middle may be from what it shows, likewise.
+const SHOWN: f64 = 1.0e-4;
 /// Radians below which nothing turns: the line between two matrices is off by less than 2e-13.
 const LEAST_TURN: f64 = 1.0e-6;
 
@@ -44,11 +54,6 @@ impl Polar {
         DMat3::from_quat(self.rotation.slerp(to.rotation, f))
             * (self.stretch * (1.0 - f) + to.stretch * f)
     }
-
-    /// True where a matrix mirrors.
-    fn mirrors(&self) -> bool {
-        self.stretch.determinant() < 0.0
-    }
 }
 
 fn rotation(m: &DMat3) -> Option<DMat3> {
@@ -73,25 +78,54 @@ fn rotation(m: &DMat3) -> Option<DMat3> {
     r.is_finite().then_some(r)
 }
 
-/// The way from one matrix to another that is turned.
+/// The way from one matrix to another that is turned; the place goes linearly.
 #[derive(Clone, Copy, Debug)]
 pub struct Turn {
     ends: [Polar; 2],
     translations: [DVec3; 2],
 }
 
+fn largest(m: &DMat3) -> f64 {
+    let entries = m.to_cols_array().into_iter();
+    entries.fold(0.0, |most, x| most.max(x.abs()))
+}
+
 impl Turn {
-    /// `None` where there is nothing to turn: one of them cannot be inverted, one mirrors and the other
-    /// does not, or both are turned alike.
+    /// Turned in place. `None` where there is nothing to turn, or no telling how: one of them cannot be inverted, both are
+    /// turned alike, or stretch or place change; see the module's text.
     pub fn between(a: &DAffine3, b: &DAffine3) -> Option<Self> {
+        let place = a.translation.abs().max_element();
+        let place = place.max(largest(&a.matrix3));
+        let stays = (b.translation - a.translation).abs().max_element() <= SAME * place;
+        Self::moving(a, b).filter(|_| stays)
+    }
+
+    /// Turned on the way from `a` over `middle`, at `f` of it, to `b`, where that shows that the place goes linearly: both
+    /// parts of the way.
+    pub fn shown([a, middle, b]: [&DAffine3; 3], f: f64) -> Option<[Self; 2]> {
+        let at = Self::moving(a, b)?.at(f);
+        let size = largest(&a.matrix3);
+        let way = (b.translation - a.translation).abs().max_element();
+        let shows = largest(&(at.matrix3 - middle.matrix3)) <= SHOWN * size
+            && (at.translation - middle.translation).abs().max_element() <= SHOWN * size.max(way);
+        let parts = [Self::moving(a, middle), Self::moving(middle, b)];
+        match parts {
+            [Some(first), Some(second)] if shows => Some([first, second]),
+            _ => None,
+        }
+    }
+
+    /// The same stretch, and turned.
+    fn moving(a: &DAffine3, b: &DAffine3) -> Option<Self> {
         if a.matrix3 == b.matrix3 {
             return None;
         }
         let ends = [Polar::of(&a.matrix3)?, Polar::of(&b.matrix3)?];
+        let same =
+            largest(&(ends[1].stretch - ends[0].stretch)) <= SAME * largest(&ends[0].stretch);
         // The vector's length is the sine of half the angle.
         let half = (ends[0].rotation.conjugate() * ends[1].rotation).xyz();
-        let turns = half.length() > 0.5 * LEAST_TURN && ends[0].mirrors() == ends[1].mirrors();
-        turns.then_some(Self {
+        (same && half.length() > 0.5 * LEAST_TURN).then_some(Self {
             ends,
             translations: [a.translation, b.translation],
         })
@@ -154,15 +188,42 @@ mod tests {
     }
 
     #[test]
-    fn stretch_and_position_go_linearly() {
-        let a = DAffine3::from_translation(DVec3::X);
-        let b = DAffine3::from_translation(DVec3::Y * 3.0)
-            * turned(FRAC_PI_2)
-            * DAffine3::from_scale(DVec3::splat(3.0));
-        let expected = DAffine3::from_translation(DVec3::new(0.5, 1.5, 0.0))
-            * turned(FRAC_PI_2 / 2.0)
-            * DAffine3::from_scale(DVec3::splat(2.0));
-        assert_near(&Turn::between(&a, &b).unwrap().at(0.5), &expected);
+    fn a_third_sample_shows_what_moves_as_it_turns() {
+        let stretch = DAffine3::from_scale(DVec3::new(1.0, 2.0, 0.5));
+        let wheel = |f: f64| DAffine3::from_translation(DVec3::X * 3.0 * f) * turned(f) * stretch;
+        let hinge = DAffine3::from_translation(DVec3::X * 3.0);
+        let door = |f: f64| hinge * turned(f) * hinge.inverse();
+        let shown =
+            |path: &dyn Fn(f64) -> DAffine3| Turn::shown([&path(0.0), &path(0.3), &path(1.0)], 0.3);
+        let [first, second] = shown(&wheel).unwrap();
+        assert_near(&first.at(0.5), &wheel(0.15));
+        assert_near(&second.at(0.5), &wheel(0.65));
+        assert!(shown(&door).is_none(), "its origin goes along an arc");
+        assert!(shown(&|f| wheel(f * f)).is_none());
+    }
+
+    /// Whatever lies between such samples, a turn about the origin is a guess.
+    #[test]
+    fn what_changes_its_stretch_or_its_place_is_not_turned() {
+        let (a, b) = (turned(0.2), turned(0.2 + FRAC_PI_2));
+        let none = |a: &DAffine3, b: &DAffine3| assert!(Turn::between(a, b).is_none());
+        assert!(Turn::between(&a, &b).is_some());
+        // Interpolated entry by entry, as authored matrices are.
+        let at = |f: f64| crate::motion::transform::lerp(&a, &b, f);
+        none(&a, &at(0.5));
+        none(&at(0.1), &at(0.3));
+        // Below a scale that is not uniform.
+        let squash = DAffine3::from_scale(DVec3::new(1.0, 0.5, 1.0));
+        none(&(squash * a), &(squash * b));
+        // A wheel, and a door.
+        none(&a, &(DAffine3::from_translation(DVec3::X) * b));
+        let hinge = DAffine3::from_translation(DVec3::X * 3.0);
+        none(
+            &(hinge * a * hinge.inverse()),
+            &(hinge * b * hinge.inverse()),
+        );
+        let far = DAffine3::from_translation(DVec3::splat(1.0e5));
+        assert!(Turn::between(&(far * a), &(far * b)).is_some());
     }
 
     #[test]
