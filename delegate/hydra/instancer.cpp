@@ -202,11 +202,9 @@ void HdTrapezeInstancer::Sync(HdSceneDelegate* delegate, HdRenderParam* renderPa
         for (auto& [name, primvar] : _primvars) {
             changes |= _KeepOne(&primvar.samples);
         }
-        if (changes && !_warned && !_primvars.count(HdTokens->velocities)) {
-            _warned = true;
-            TF_WARN("Trapeze <%s>: the number of instances changes around the shutter; they do not "
-                    "move",
-                    id.GetText());
+        if (changes && !_primvars.count(HdTokens->velocities)) {
+            param.WarnOnce(id,
+                           "the number of instances changes around the shutter; they do not move");
         }
         auto const matrices = _primvars.find(HdInstancerTokens->instanceTransforms);
         if (matrices != _primvars.end()) {

@@ -82,7 +82,6 @@ private:
     bool _visible = true;
     bool _created = false;
     // That the number of instances changes.
-    bool _warned = false;
 
     std::mutex _mutex;
     std::map<SdfPath, _Part> _parts;

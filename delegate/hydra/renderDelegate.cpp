@@ -228,7 +228,7 @@ HdRprim* HdTrapezeRenderDelegate::CreateRprim(TfToken const& type, SdfPath const
         return new HdTrapezeImplicit(id, type);
     }
     if (_Has(HdTrapezeUnsupported::Types(), type)) {
-        return new HdTrapezeUnsupported(id, type);
+        return new HdTrapezeUnsupported(id, type, Param());
     }
     TF_CODING_ERROR("Trapeze: no prims of type %s", type.GetText());
     return nullptr;

@@ -12,10 +12,10 @@ PXR_NAMESPACE_OPEN_SCOPE
 /// a word; this one says so.
 class HdTrapezeUnsupported final : public HdTrapezeRprim<HdTrapezePlainRprim> {
 public:
-    HdTrapezeUnsupported(SdfPath const& id, TfToken const& type)
+    HdTrapezeUnsupported(SdfPath const& id, TfToken const& type, HdTrapezeRenderParam& param)
         : HdTrapezeRprim(id, nullptr, HdTrapezePrim::Points::No) {
-        TF_WARN("Trapeze <%s>: prims of type %s are not supported; it is left out", id.GetText(),
-                type.GetText());
+        param.WarnOnce(id,
+                       "prims of type " + type.GetString() + " are not supported; it is left out");
     }
 
     static TfTokenVector const& Types() {

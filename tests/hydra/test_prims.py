@@ -9,7 +9,7 @@ from authored import export, same, vectors
 from driver import record
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 from scenes import add_grid, add_quad, quad_points, set_samples
-from test_agreement import assert_alike
+from test_agreement import SCENES, assert_alike
 
 # Curves and points --------------------------------------------------------------------------------
 
@@ -159,6 +159,20 @@ def test_what_is_not_supported(host):
 
     text = "prims of type volume are not supported; it is left out"
     same(host, author, warned=[("/smoke", text)])
+
+
+def test_what_comes_back_is_not_told_again(host):
+    script = """
+    stage = Usd.Stage.Open(scene)
+    smoke = stage.DefinePrim("/smoke", "Volume")
+    view = View(stage, "/cam", samples=1)
+    for active in (True, False, True):
+        smoke.SetActive(active)
+        view.render()
+    """
+    ran = host.run(script, scene=SCENES / "parts.usda")
+    text = "prims of type volume are not supported; it is left out"
+    assert ran.warnings == [("/smoke", text)]
 
 
 # Surfaces and bad input ---------------------------------------------------------------------------
