@@ -187,7 +187,20 @@ fn enums_flags_and_strings() {
         assert!(message.contains("sizeof(trz_camera)"), "{message}");
         let mut gpu = settings_default();
         gpu.backend = TRZ_BACKEND_GPU;
-        fails(trz_session_set_settings(s, &gpu), TRZ_ERROR_UNSUPPORTED);
+        // Refused where there is no device.
+        let mut device: trz_device = std::mem::zeroed();
+        device.struct_size = size_of::<trz_device>() as u32;
+        match trz_device_describe(0, &mut device) {
+            TRZ_OK => {
+                assert!(device.chosen == 1 && device.name[0] != 0);
+                ok(trz_session_set_settings(s, &gpu));
+            }
+            _ => {
+                fails(trz_session_set_settings(s, &gpu), TRZ_ERROR_UNSUPPORTED);
+            }
+        }
+        fails(trz_device_describe(99, &mut device), TRZ_ERROR_NOT_FOUND);
+        fails(trz_device_describe(0, null_mut()), TRZ_ERROR_NULL_POINTER);
         gpu.backend = TRZ_BACKEND_AUTO;
         ok(trz_session_set_settings(s, &gpu));
         assert_eq!(last_error(), "", "success clears the message");
