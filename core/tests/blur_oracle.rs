@@ -434,13 +434,20 @@ fn spin(t: f64) -> DAffine3 {
 }
 
 #[test]
-fn what_spins_between_two_keys_goes_along_arcs() {
-    let spinning = Actor {
-        matrix: spinning,
+fn what_spins_goes_along_arcs() {
+    let in_place = Actor {
+        matrix: spin,
         matrix_keys: 2,
         turns: true,
         ..actor()
     };
+    // A key between shows that it moves on as it turns.
+    let spinning = Actor {
+        matrix: spinning,
+        matrix_keys: 3,
+        ..in_place.clone()
+    };
+    check("in place", &play(in_place), 0.5);
     check("spinning", &play(spinning), 0.5);
 }
 
