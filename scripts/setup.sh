@@ -81,7 +81,8 @@ printf '#include <opensubdiv/bfr/refinerSurfaceFactory.h>\n' |
     "${CXX:-c++}" ${OPENSUBDIV_ROOT:+"-I$OPENSUBDIV_ROOT/include"} -x c++ -E - >/dev/null 2>&1 ||
     packages+=(libosd-dev)
 # Tests of the GPU's stages run on any device, Mesa's software one at the least.
-if [ $tools = 1 ] && ! ls /usr/share/vulkan/icd.d/*.json /etc/vulkan/icd.d/*.json >/dev/null 2>&1; then
+if [ $tools = 1 ] &&
+    ! { compgen -G '/usr/share/vulkan/icd.d/*.json' || compgen -G '/etc/vulkan/icd.d/*.json'; } >/dev/null; then
     packages+=(libvulkan1 mesa-vulkan-drivers)
 fi
 # The Hydra plugin is built where an OpenUSD is configured, see scripts/hydra.sh.

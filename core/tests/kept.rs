@@ -196,6 +196,12 @@ fn other_edits_are_not_passed_over() {
     assert_eq!(with(|s| s.shading_rate = 0.9), (2, 0));
     assert_eq!(with(|s| s.shutter = Some([0.0, 0.5])), (2, 0));
     assert_eq!(with(|s| s.keep_finer = false), (2, 0));
+    // Nor are grids that were kept, once they may not be, though the camera is where it was.
+    let kept = commit(&near, Some(&first));
+    let mut fresh = near.clone();
+    Arc::make_mut(&mut fresh.settings).keep_finer = false;
+    assert_eq!(touched(&kept), (0, 2));
+    assert_eq!(touched(&commit(&fresh, Some(&kept))), (2, 0));
 }
 
 fn show(scene: &mut Scene, id: u64, visible: bool) {

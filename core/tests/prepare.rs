@@ -135,11 +135,11 @@ fn the_plan_names_who_called_for_an_effect() {
         "only what moves has second positions and bounds"
     );
 
-    assert!(!linear.plan().has_matte() && !linear.explain().contains("matte"));
+    assert!(!linear.plan().has_matte() && !linear.explain("cpu").contains("matte"));
     edit(&mut scene, 3, |p| p.common.matte = true);
     let matte = commit(&scene, Some(&linear)).prepared;
     assert_eq!(matte.plan().matte_by.as_deref(), Some("/q2"));
-    assert!(matte.explain().contains("called for by /q2"));
+    assert!(matte.explain("cpu").contains("called for by /q2"));
 
     let mut camera_only = three();
     edit_camera(&mut camera_only, |c| {

@@ -231,7 +231,7 @@ fn the_plan_names_the_prim_that_is_culled() {
     assert_eq!(by(Cull::None), None);
     assert_eq!(by(Cull::Front).as_deref(), Some("/square1"));
     assert_eq!(by(Cull::BackUnlessDoubleSided).as_deref(), Some("/square2"));
-    let told = commit(scene.clone(), Cull::Front).explain();
+    let told = commit(scene.clone(), Cull::Front).explain("cpu");
     assert!(
         told.contains("culled sides: some, called for by /square1\n"),
         "{told}"

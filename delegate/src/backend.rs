@@ -6,7 +6,7 @@ use hdtrapeze_core::render::{Prepared, RayTracer};
 use hdtrapeze_core::scene::Backend;
 use hdtrapeze_core::trace::{Hit, Ray};
 pub use hdtrapeze_gpu::device::{Found, Kind};
-use hdtrapeze_gpu::{Choice, Device, GpuError, GpuScene, Tracer};
+use hdtrapeze_gpu::{Device, GpuError, GpuScene, Tracer};
 
 use crate::error::Error;
 use crate::status::lock;
@@ -32,7 +32,7 @@ pub fn open(backend: Backend) -> Result<Option<Arc<Tracer>>, Error> {
     if let Some(tracer) = open.as_ref().filter(|t| t.device().check().is_ok()) {
         return Ok(Some(Arc::clone(tracer)));
     }
-    let device = Device::open(Choice::Any)
+    let device = Device::open()
         .map_err(|error| Error::Unsupported(format!("{error}; the backend cpu needs no device")))?;
     let tracer = Arc::new(Tracer::new(Arc::new(device)));
     *open = Some(Arc::clone(&tracer));

@@ -294,8 +294,9 @@ impl Session {
     /// Which effects the committed scene calls for, and which prim called for each.
     pub fn explain(&self) -> Result<String, Error> {
         self.shared.check()?;
-        let prepared = self.committed()?.prepared;
-        self.shared.guard(|| prepared.explain())
+        let Committed { prepared, gpu, .. } = self.committed()?;
+        let backend = gpu.map_or_else(|| "cpu".to_owned(), |gpu| gpu.name());
+        self.shared.guard(|| prepared.explain(&backend))
     }
 
     /// The scene with all queued edits as text, its samples resolved to the shutter; nothing is

@@ -6,6 +6,7 @@ from authored import export, same, vectors
 from dumps import blocks
 from pxr import UsdGeom
 from scenes import add_quad, quad_points
+from test_agreement import RECORD
 
 QUAD = quad_points(-1, -1, 1, 1)
 
@@ -41,6 +42,24 @@ def scaled(**attributes):
 ])  # fmt: skip
 def test_velocities(host, author, opens, closes, frame):
     same(host, author, opens, closes, frame)
+
+
+def test_a_blur_scale_that_a_host_gives_no_samples_for(host):
+    """Scene delegates sample for the camera's shutter alone; indices for as much as is asked."""
+
+    def author(stage):
+        quad = add_quad(stage)
+        move = UsdGeom.Xformable(quad).AddTranslateOp()
+        for time in (-4, 4):
+            move.Set((0.2 * time, 0, 0), time)
+        api = UsdGeom.MotionAPI.Apply(quad.GetPrim())
+        api.GetPrim().GetAttribute("motion:blurScale").Set(3.0)
+
+    scene = export(host, author, -0.25, 0.25)
+    ran = host.run(RECORD, scene=scene, camera="/camera", frame=0.0, choices={})
+    told = "its motion:blurScale is above 1, but this host samples transforms for its "
+    told += "camera's shutter alone: outside of it they stand still"
+    assert ran.warnings == ([] if host.scene_index else [("/quad", told)])
 
 
 def test_a_skeleton_moves_points_between_its_own_samples(delegate_host):

@@ -9,6 +9,8 @@ import pytest
 from hdtrapeze.devices import devices
 from hdtrapeze.options import Options
 from hdtrapeze.render import Renderer
+from pxr import Sdf, UsdGeom
+from scenes import add_quad
 from test_windows import busy_stage
 
 AOVS = ("color", "depth", "primId", "instanceId", "elementId", "normal")
@@ -44,6 +46,22 @@ def test_images_are_the_cpus():
     for name in ("color", "depth", "normal"):
         off = np.abs(gpu[name].astype(np.float64) - cpu[name])
         assert np.mean(off > 1e-4) < 0.01, name
+
+
+@needs_device
+def test_layers_are_composited_once():
+    """The CPU goes on from the device's hits, whose distances are rounded otherwise."""
+    stage = busy_stage()
+    for i in range(4):
+        quad = add_quad(stage, f"/pane{i}", -6, -6, 6, 6, z=4.0 + 0.3 * i)
+        UsdGeom.Xformable(quad).AddRotateXYZOp().Set((3.0 * i, 5.0 - 2.0 * i, 0))
+        opacity = UsdGeom.PrimvarsAPI(quad).CreatePrimvar(
+            "displayOpacity", Sdf.ValueTypeNames.FloatArray, "constant"
+        )
+        opacity.Set([0.3])
+    (gpu, _), (cpu, _) = render(stage, "gpu"), render(stage, "cpu")
+    off = np.abs(gpu["color"].astype(np.float64) - cpu["color"])
+    assert off.max() < 0.02 and np.mean(off > 1e-4) < 0.01
 
 
 @needs_device

@@ -20,7 +20,7 @@ use std::time::Instant;
 use glam::Vec3;
 use hdtrapeze_core::grid::DicedMesh;
 use hdtrapeze_core::trace::{Hit, Ray, TraceCounts, World};
-use hdtrapeze_gpu::{Choice, Device, GpuScene, Tracer};
+use hdtrapeze_gpu::{Device, GpuScene, Tracer};
 use rayon::prelude::*;
 use trace_scenes::lens::Lens;
 use trace_scenes::{fur, keys, patches, sheet, world_of};
@@ -93,7 +93,7 @@ fn on_cpu(world: &World, rays: &[Ray]) -> (Vec<Hit>, f64) {
 
 fn run() -> Result<(), Box<dyn Error>> {
     let options = options()?;
-    let device = Arc::new(Device::open(Choice::Any)?);
+    let device = Arc::new(Device::open()?);
     let found = device.found();
     println!("device: {}, {}, {}", found.name, found.api, found.driver);
     println!(

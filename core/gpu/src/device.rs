@@ -5,15 +5,6 @@ use std::time::Duration;
 
 use super::GpuError;
 
-/// What is asked for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Choice {
-    /// The best GPU. Never a driver that computes on the CPU: the CPU's own backend is faster.
-    Hardware,
-    /// Any device, of software too.
-    Any,
-}
-
 /// What a device is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Kind {
@@ -48,7 +39,7 @@ pub struct Found {
     pub timestamps: bool,
     /// True where invocations of a subgroup can exchange values.
     pub subgroups: bool,
-    /// True for the best one: [`Choice::Any`] uses it, [`Choice::Hardware`] where it is not of software.
+    /// True for the best one, which [`Device::open`] opens.
     pub chosen: bool,
 }
 
@@ -122,23 +113,16 @@ impl Device {
         adapters().into_iter().map(|(_, found)| found).collect()
     }
 
-    /// Opens the best device.
+    /// Opens the best device, be it one of software.
     ///
     /// # Errors
     /// There is none, or it does not open.
-    pub fn open(choice: Choice) -> Result<Self, GpuError> {
+    pub fn open() -> Result<Self, GpuError> {
         let adapters = adapters();
         let Some((adapter, found)) = adapters.into_iter().next() else {
             let why = "there is no Vulkan, Metal or DX12 driver with a device";
             return Err(GpuError::NoDevice(why.to_owned()));
         };
-        if choice == Choice::Hardware && found.kind == Kind::Software {
-            let why = format!(
-                "{} computes on the CPU, which is faster without it",
-                found.name
-            );
-            return Err(GpuError::NoDevice(why));
-        }
         let limits = adapter.limits();
         let wanted = wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::SUBGROUP;
         let descriptor = wgpu::DeviceDescriptor {
@@ -237,15 +221,14 @@ impl Device {
         bytes: u64,
         usage: wgpu::BufferUsages,
     ) -> Result<wgpu::Buffer, GpuError> {
-        let too_large = |limit: u64| GpuError::TooLarge {
-            name: self.found.name.clone(),
-            what,
-            bytes,
-            limit,
-        };
         let limit = self.found.largest_buffer.min(self.found.largest_binding);
         if bytes > limit {
-            return Err(too_large(limit));
+            return Err(GpuError::TooLarge {
+                name: self.found.name.clone(),
+                what,
+                bytes,
+                limit,
+            });
         }
         let scope = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
         let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
@@ -255,7 +238,11 @@ impl Device {
             mapped_at_creation: false,
         });
         match pollster::block_on(scope.pop()) {
-            Some(_) => Err(too_large(0)),
+            Some(_) => Err(GpuError::OutOfMemory {
+                name: self.found.name.clone(),
+                what,
+                bytes,
+            }),
             None => Ok(buffer),
         }
     }

@@ -26,6 +26,16 @@ pub enum GpuError {
         /// Bytes that there are.
         limit: u64,
     },
+    /// The device has no memory left.
+    #[error("{name} has no memory for {bytes} bytes of {what}")]
+    OutOfMemory {
+        /// The device's name.
+        name: String,
+        /// Which part of the scene, or of a launch.
+        what: &'static str,
+        /// Bytes that are needed.
+        bytes: u64,
+    },
     /// What this backend cannot trace.
     #[error("the GPU cannot trace {0}")]
     Unsupported(String),

@@ -13,7 +13,7 @@ pub mod scene;
 mod stack;
 pub mod trace;
 
-pub use device::{Choice, Device, Found};
+pub use device::{Device, Found};
 pub use error::GpuError;
 pub use scene::GpuScene;
 pub use trace::Tracer;

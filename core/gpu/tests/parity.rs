@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 use hdtrapeze_core::trace::{Hit, InstanceTransform, Ray, TraceCounts, World, brute};
-use hdtrapeze_gpu::{Choice, Device, GpuError, GpuScene, Tracer};
+use hdtrapeze_gpu::{Device, GpuError, GpuScene, Tracer};
 use libtest_mimic::{Arguments, Failed, Trial};
 use trace_scenes::*;
 
@@ -196,7 +196,7 @@ fn too_large(tracer: &Tracer) -> Result<(), Failed> {
 
 fn main() {
     let arguments = Arguments::from_args();
-    let tracer = Device::open(Choice::Any).map(|device| Arc::new(Tracer::new(Arc::new(device))));
+    let tracer = Device::open().map(|device| Arc::new(Tracer::new(Arc::new(device))));
     match &tracer {
         Ok(tracer) => println!("on {}", tracer.device().found().name),
         Err(error) => println!("ignored: {error}"),

@@ -26,18 +26,18 @@ impl Eye {
         }
     }
 
-    /// The camera at each key of `path`. What stands still faces it as it is in mid-shutter.
+    /// The camera at each key of `path`.
     pub fn at_keys(camera: &Camera, path: &PointPath) -> Vec<Self> {
-        let times = path.key_times();
-        let eye = |&time: &f32| {
-            let time = if times.len() == 1 {
-                0.5
-            } else {
-                f64::from(time)
-            };
-            Eye::new(camera, time, path.origin())
-        };
-        times.iter().map(eye).collect()
+        Self::at_times(camera, path.key_times(), path.origin())
+    }
+
+    /// The camera at the key times of what it sees, relative to `origin`. What stands still faces it as it is in
+    /// mid-shutter.
+    pub fn at_times(camera: &Camera, key_times: &[f32], origin: DVec3) -> Vec<Self> {
+        let still = key_times.len() == 1;
+        let time = |&time: &f32| if still { 0.5 } else { f64::from(time) };
+        let eye = |key: &f32| Eye::new(camera, time(key), origin);
+        key_times.iter().map(eye).collect()
     }
 
     /// From `p` to the camera; of any length.

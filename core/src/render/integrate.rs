@@ -111,7 +111,9 @@ impl<'a> Integrator<'a> {
         jobs
     }
 
-    /// The rest of [`Self::fill`], for scenes without culled sides: `hits` are what the jobs met first.
+    /// The rest of [`Self::fill`], for scenes without culled sides: `hits` are what the jobs met first, as traced
+    /// elsewhere. What lies behind a transparent hit is asked for by the hit before it, whose distance must be rounded as it
+    /// is here: those are traced again.
     pub fn film_tile(
         &self,
         tile: &mut Tile,
@@ -124,7 +126,14 @@ impl<'a> Integrator<'a> {
             rays: 1,
             ..TraceCounts::default()
         };
-        let found = hits.iter().map(|&hit| (hit, own));
+        let found = jobs.iter().zip(hits).map(|((_, job), hit)| {
+            let mut own = own;
+            let through = hit.is_hit() && self.prepared.hit_prim(hit).1.shading.opacity.is_some();
+            match through {
+                true => (self.prepared.world.trace(&job.ray, &mut own), own),
+                false => (*hit, own),
+            }
+        });
         let mut primvars = PrimvarSample::new(self.keeps);
         match self.prepared.plan.has_matte() {
             false => self.film::<false, false>(tile, jobs, found, &mut primvars, counts),

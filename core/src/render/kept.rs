@@ -118,7 +118,7 @@ impl DicedFor {
             rate: context.settings.shading_rate,
             eyes: shape
                 .faces_camera()
-                .then(|| eyes(context.camera, path.key_times(), path.origin())),
+                .then(|| Eye::at_keys(context.camera, path)),
         }
     }
 
@@ -139,7 +139,7 @@ impl DicedFor {
                 (0..grids).step_by(CHUNK).map(move |first| (object, first))
             })
             .collect();
-        let now = eyes(camera, &self.key_times, self.origin);
+        let now = Eye::at_times(camera, &self.key_times, self.origin);
         let turned = |object: &ObjectGeometry, first: usize| match &self.eyes {
             Some(then) => self.turned(object, first, then, &now),
             None => false,
@@ -212,14 +212,6 @@ impl PrimObjects {
         let fits = |diced_for: &DicedFor| diced_for.fits(self, camera);
         !self.coarsened && self.diced_for.as_ref().is_some_and(fits)
     }
-}
-
-/// The camera as shapes face it at each key; see [`Eye::at_keys`].
-fn eyes(camera: &Camera, key_times: &[f32], origin: DVec3) -> Vec<Eye> {
-    let still = key_times.len() == 1;
-    let time = |&time: &f32| if still { 0.5 } else { f64::from(time) };
-    let eye = |key: &f32| Eye::new(camera, time(key), origin);
-    key_times.iter().map(eye).collect()
 }
 
 /// Cells to sample of `count` along a side.

@@ -459,6 +459,8 @@ pub(super) fn same_dicing(
         && old.pixel_aspect == settings.pixel_aspect
         && old.window_policy == settings.window_policy
         && old.window() == settings.window()
+        // What was kept before may be of another view.
+        && (settings.keep_finer || !old.keep_finer)
         && same_dicing_settings(old, settings)
 }
 

@@ -11,7 +11,7 @@ use crate::camera::Camera;
 use crate::diagnostics::Warning;
 use crate::effects::EffectPlan;
 use crate::motion::Shutter;
-use crate::scene::{Backend, CameraDesc, PrimDesc, PrimId, RenderSettings};
+use crate::scene::{CameraDesc, PrimDesc, PrimId, RenderSettings};
 use crate::shade::{PrimShading, Source};
 use crate::trace::{Hit, Side, Winding, World};
 
@@ -173,8 +173,8 @@ impl Prepared {
         &self.plan
     }
 
-    /// The effect plan and the size of the scene, as text for people.
-    pub fn explain(&self) -> String {
+    /// The effect plan and the size of the scene, as text for people; `backend` is what renders.
+    pub fn explain(&self, backend: &str) -> String {
         let s = &self.statistics();
         let culled = match s.clusters {
             0 => String::new(),
@@ -189,7 +189,7 @@ impl Prepared {
         });
         format!(
             "camera: {}\nimage: {width} x {height}{window}, {} samples a pixel, shading rate {}\n\
-             shutter: {} to {} time codes\n{}backend: {}\n\
+             shutter: {} to {} time codes\n{}backend: {backend}\n\
              scene: {} prims, {} instances, {} grids, {} micropolygons\n{culled}",
             self.camera_desc.path,
             self.settings.samples,
@@ -197,10 +197,6 @@ impl Prepared {
             self.shutter.open,
             self.shutter.close,
             self.plan,
-            match self.settings.backend {
-                Backend::Gpu => "gpu, for camera rays",
-                Backend::Auto | Backend::Cpu => "cpu",
-            },
             s.prims,
             s.instances,
             s.grids,

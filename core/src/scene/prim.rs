@@ -14,8 +14,8 @@ pub struct TransformSamples {
     pub times: Vec<f64>,
     /// One matrix a time.
     pub matrices: Vec<DMat4>,
-    /// Between samples, rotations turn at constant speed about the level's own origin, stretch and
-    /// position go linearly ([`crate::motion::turn`]). Otherwise matrices are interpolated entry by entry.
+    /// Between samples, rotations turn at constant speed about the level's own origin, where the samples show
+    /// that they do ([`crate::motion::turn`]). Otherwise matrices are interpolated entry by entry.
     pub turns: bool,
 }
 

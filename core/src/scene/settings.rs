@@ -125,7 +125,7 @@ pub struct RenderSettings {
     /// What curves without normals are rendered as, unless their prim says so itself.
     pub curves: CurveForm,
     /// Keep the grids of an earlier commit where dicing anew would gain little: those of prims that appear once
-    /// while their edges are at most 1.4 times as long as asked for, and no prim's are far finer. What an edit
+    /// while nearly all their micropolygons have at most twice the area that is asked for, and no prim's are far finer. What an edit
     /// does not touch, the camera's too, is rendered sooner; bits then depend on what was rendered before. Those
     /// of hidden prims stay, too, for when they are shown again, and take their memory meanwhile.
     pub keep_finer: bool,

@@ -696,8 +696,9 @@ typedef struct trz_transform_samples {
   size_t count;
   // 0: between samples, matrices are interpolated entry by entry, so what turns there is flattened.
   // 1: rotations turn at constant speed about the level's own origin, by less than half a turn from
-  // sample to sample; stretch and position go linearly (polar decomposition). Matrices that cannot be
-  // inverted, or mirror at one end only, are interpolated as with 0. Cameras always turn.
+  // sample to sample (polar decomposition), where the stretch and the place are the same at two samples,
+  // or a third between them shows that the place goes linearly. All else is interpolated as with 0.
+  // Cameras always turn.
   uint32_t turns;
 } trz_transform_samples;
 
@@ -897,8 +898,8 @@ typedef struct trz_settings {
   uint32_t backend;
   // TRZ_CURVES_*: what curves without normals are rendered as, where their prim does not say.
   uint32_t curves;
-  // 1: grids of an earlier commit are kept where dicing anew would gain little: while edges of prims that
-  // appear once are at most 1.4 times as long as asked for, and none are far finer. A camera that moves then
+  // 1: grids of an earlier commit are kept where dicing anew would gain little: while nearly all
+  // micropolygons of prims that appear once have at most twice the area that is asked for, and none are far finer. A camera that moves then
   // shows sooner; bits depend on what was rendered before. Grids of hidden prims stay in memory, too, for
   // when they are shown again. 0, the default: neither.
   uint32_t keep_finer;

@@ -18,16 +18,6 @@ struct CellRay {
     fraction: f32,
 }
 
-// The nearest hit so far; where there is none, `t` is as far as the ray goes.
-struct Best {
-    t: f32,
-    u: f32,
-    v: f32,
-    instance: u32,
-    grid: u32,
-    cell: u32,
-}
-
 // Micropolygons of a grid.
 struct Rect {
     grid: u32,
@@ -112,7 +102,7 @@ fn edge(p: vec3<f32>, q: vec3<f32>) -> f32 {
 }
 
 // True where a hit comes before the best, in the order of hits.
-fn is_before(t: f32, instance: u32, grid: u32, cell: u32, best: Best) -> bool {
+fn is_before(t: f32, instance: u32, grid: u32, cell: u32, best: Hit) -> bool {
     if t != best.t {
         return t < best.t;
     }
@@ -125,8 +115,9 @@ fn is_before(t: f32, instance: u32, grid: u32, cell: u32, best: Best) -> bool {
     return cell < best.cell;
 }
 
-// Takes in one triangle of a cell: its edge functions, opposite corner by corner, and the depths of these.
-fn offer(best: ptr<function, Best>, w: vec3<f32>, z: vec3<f32>, second: bool, ray: CellRay, t_min: f32,
+// Takes in one triangle of a cell, where that is nearer than the best hit so far (`t` is as far as the ray goes where
+// there is none): its edge functions, opposite corner by corner, and the depths of these.
+fn offer(best: ptr<function, Hit>, w: vec3<f32>, z: vec3<f32>, second: bool, ray: CellRay, t_min: f32,
          instance: u32, grid: u32, cell: u32) {
     let least = min(w.x, min(w.y, w.z));
     let most = max(w.x, max(w.y, w.z));
@@ -144,11 +135,11 @@ fn offer(best: ptr<function, Best>, w: vec3<f32>, z: vec3<f32>, second: bool, ra
     }
     let u = select(b + c, b, second);
     let v = select(c, b + c, second);
-    *best = Best(t, min(u, 1.0), min(v, 1.0), instance, grid, cell);
+    *best = Hit(t, min(u, 1.0), min(v, 1.0), instance, grid, cell);
 }
 
 // Tests one group.
-fn test_group(best: ptr<function, Best>, rect: Rect, object: Object, ray: CellRay, t_min: f32, instance: u32) {
+fn test_group(best: ptr<function, Hit>, rect: Rect, object: Object, ray: CellRay, t_min: f32, instance: u32) {
     let header = object.grids + 3u * rect.grid;
     let first_vertex = words[header];
     let rates = words[header + 2u];

@@ -25,6 +25,9 @@ const TINY_PAD: f32 = 1.0e-30;
 const LONGEST_DIR: f32 = 1.152921504606846976e18;
 const SHORTEST_DIR: f32 = 8.673617379884035e-19;
 const FARTHEST: f32 = 1.152921504606846976e18;
+// Smallest magnitude of a direction's largest component, in pads: clamped components are 2^24 smaller, and coordinates at
+// most 2^17 pads, so terms stay below 2^124.
+const LEAST_DIR: f32 = 8.271806125530277e-25;
 
 const LEAF: u32 = 0x80000000u;
 const MOVES: u32 = 0x40000000u;
@@ -61,11 +64,17 @@ fn longest(v: vec3<f32>) -> f32 {
     return max(a.x, max(a.y, a.z));
 }
 
-// False for a ray that cannot be traced. Nothing here relies on NaN or infinity: what is beyond the limits fails, and
-// rays with either are kept from the device.
-fn is_sound(origin: vec3<f32>, dir: vec3<f32>) -> bool {
-    let most = longest(dir);
-    return longest(origin) < FARTHEST && most <= LONGEST_DIR && most >= SHORTEST_DIR;
+// A ray against a tree whose coordinates are no larger than `radius`; slab tests are padded by `more` besides.
+fn tree_ray(origin: vec3<f32>, dir: vec3<f32>, time: f32, radius: f32, more: f32) -> TreeRay {
+    let pad = SLAB_PAD * (longest(origin) + radius) + more;
+    return TreeRay(origin, dir, time, pad + (longest(dir) + 1.0) * TINY_PAD);
+}
+
+// False for a ray that cannot be traced. Nothing here relies on NaN or infinity: what is beyond the limits fails, rays
+// with either are kept from the device, and no term of a slab test overflows.
+fn is_sound(ray: TreeRay) -> bool {
+    let most = longest(ray.dir);
+    return longest(ray.origin) < FARTHEST && most <= LONGEST_DIR && most >= max(SHORTEST_DIR, ray.pad * LEAST_DIR);
 }
 
 fn slab_ray(ray: TreeRay, origin: vec3<f32>, dir: vec3<f32>, most: f32) -> SlabRay {

@@ -100,30 +100,28 @@ fn trace(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_inde
         return;
     }
     let ray = rays[index];
-    var best = Best(ray.t_max, 0.0, 0.0, NONE, 0u, 0u);
-    if launch.root != EMPTY && ray.t_min <= ray.t_max && is_sound(ray.origin, ray.dir) {
+    var best = Hit(ray.t_max, 0.0, 0.0, NONE, 0u, 0u);
+    if launch.root != EMPTY && ray.t_min <= ray.t_max {
         tell(index, walk(ray, &best));
     } else {
         tell(index, vec2<u32>(0u));
     }
-    hits[index] = Hit(best.t, best.u, best.v, best.instance, best.grid, best.cell);
+    hits[index] = best;
 }
 
 // Gives the nodes opened and the micropolygons tested.
-fn walk(ray: Ray, best: ptr<function, Best>) -> vec2<u32> {
+fn walk(ray: Ray, best: ptr<function, Hit>) -> vec2<u32> {
     var tests = vec2<u32>(0u);
     var stack: array<vec2<u32>, STACK>;
     var top = 0u;
     // Above this the stack holds what is to be visited of the object; `inside` is false in the tree over instances.
     var floor = 0u;
     var inside = false;
-    var world: TreeRay;
-    world.origin = ray.origin;
-    world.dir = ray.dir;
-    world.time = ray.time;
-    let reach = longest(ray.origin);
-    world.pad = SLAB_PAD * (reach + launch.radius) + launch.pad * (reach + launch.radius)
-        + (longest(ray.dir) + 1.0) * TINY_PAD;
+    let carried_pad = launch.pad * (longest(ray.origin) + launch.radius);
+    let world = tree_ray(ray.origin, ray.dir, ray.time, launch.radius, carried_pad);
+    if !is_sound(world) {
+        return tests;
+    }
     var tree = world;
     var slab = turned(tree, 0u);
     // The frame that `slab` is in.
@@ -185,13 +183,11 @@ fn walk(ray: Ray, best: ptr<function, Best>) -> vec2<u32> {
             let place = instances[instance];
             let local = carried(place, ray.origin, ray.dir, ray.time);
             object = objects[place.object];
-            if local.sound && is_sound(local.origin, local.dir) && object.root != EMPTY {
+            let there = tree_ray(local.origin, local.dir, ray.time, object.radius, 0.0);
+            if local.sound && is_sound(there) && object.root != EMPTY {
                 inside = true;
                 floor = top;
-                tree.origin = local.origin;
-                tree.dir = local.dir;
-                tree.pad = SLAB_PAD * (longest(local.origin) + object.radius)
-                    + (longest(local.dir) + 1.0) * TINY_PAD;
+                tree = there;
                 frame = 0u;
                 slab = turned(tree, 0u);
                 cells = cell_ray(local.origin, local.dir, ray.time, object);
