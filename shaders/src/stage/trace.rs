@@ -1,4 +1,4 @@
-//! The text of each stage: what it needs, one after the other, with what its permutation fixes.
+//! The stage `trace`: the nearest hit of each ray.
 
 /// What a scene and a launch ask of the stage `trace`: the fewer effects, the less code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -36,12 +36,12 @@ impl TracePermutation {
         [
             fixed.as_str(),
             crate::layout::SOURCE,
-            include_str!("wgsl/slabs.wgsl"),
-            include_str!("wgsl/cells.wgsl"),
-            include_str!("wgsl/trace.wgsl"),
+            include_str!("../wgsl/slabs.wgsl"),
+            include_str!("../wgsl/cells.wgsl"),
+            include_str!("../wgsl/trace.wgsl"),
             match self.counts {
-                true => include_str!("wgsl/tell_counts.wgsl"),
-                false => include_str!("wgsl/tell_none.wgsl"),
+                true => include_str!("../wgsl/tell_counts.wgsl"),
+                false => include_str!("../wgsl/tell_none.wgsl"),
             },
         ]
         .concat()
@@ -51,22 +51,13 @@ impl TracePermutation {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use naga::valid::{Capabilities, ValidationFlags, Validator};
 
     #[test]
     fn every_permutation_is_valid() {
         for permutation in TracePermutation::all() {
             let source = permutation.source();
-            let module = naga::front::wgsl::parse_str(&source)
-                .map_err(|e| e.emit_to_string(&source))
-                .expect("the stage parses");
-            // What a device without optional features takes.
-            let mut validator = Validator::new(ValidationFlags::all(), Capabilities::empty());
-            let valid = validator.validate(&module);
-            assert!(valid.is_ok(), "{permutation:?}: {:?}", valid.err());
-            let entry = &module.entry_points[0];
-            assert_eq!(entry.name, "trace");
-            assert_eq!(entry.workgroup_size, [TRACE_WORKGROUP, 1, 1]);
+            let workgroup = [TRACE_WORKGROUP, 1, 1];
+            super::super::tests::check(&source, &[("trace", workgroup)]);
         }
     }
 }

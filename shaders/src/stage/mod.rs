@@ -1,0 +1,27 @@
+//! The text of each stage: what it needs, one after the other, with what its permutation fixes.
+
+mod trace;
+
+pub use trace::{STACKS, TRACE_WORKGROUP, TracePermutation};
+
+#[cfg(test)]
+mod tests {
+    use naga::valid::{Capabilities, ValidationFlags, Validator};
+
+    /// Panics unless a device without optional features takes this text, and has these entry points in it, each with
+    /// its workgroup.
+    pub(super) fn check(source: &str, entries: &[(&str, [u32; 3])]) {
+        let module = naga::front::wgsl::parse_str(source)
+            .map_err(|e| e.emit_to_string(source))
+            .expect("the stage parses");
+        let mut validator = Validator::new(ValidationFlags::all(), Capabilities::empty());
+        let valid = validator.validate(&module);
+        assert!(valid.is_ok(), "{:?} in {source}", valid.err());
+        let found: Vec<(&str, [u32; 3])> = module
+            .entry_points
+            .iter()
+            .map(|entry| (entry.name.as_str(), entry.workgroup_size))
+            .collect();
+        assert_eq!(found, entries);
+    }
+}
