@@ -72,13 +72,17 @@ pub struct Object {
     pub key_count: u32,
     /// Largest magnitude of any coordinate or bound.
     pub radius: f32,
+    /// Number of its first grid in the whole object, where a page has only some of its grids.
+    pub first_grid: u32,
 }
 
 /// One instance of an object.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 pub struct Instance {
-    /// Its number among the objects.
+    /// Its number in the world.
+    pub number: u32,
+    /// Number of its object in the page.
     pub object: u32,
     /// First of its rows of matrices: 1 of a translation, 3 of a fixed matrix, 3 a key of moving ones.
     pub matrices: u32,
@@ -100,6 +104,8 @@ pub struct TraceLaunch {
     pub row: u32,
     /// 1: any hit will do.
     pub any: u32,
+    /// Number of the page; from the second on there are hits already.
+    pub page: u32,
     /// Bounds the magnitude of every coordinate of every instance.
     pub radius: f32,
     /// Pad of slab tests against the tree over instances, per unit of distance from the world's origin.
@@ -172,9 +178,11 @@ mod tests {
                 planes,
                 key_times,
                 key_count,
-                radius
+                radius,
+                first_grid
             }),
             rust_layout!(Instance {
+                number,
                 object,
                 matrices,
                 key_times,
@@ -185,6 +193,7 @@ mod tests {
                 ray_count,
                 row,
                 any,
+                page,
                 radius,
                 pad
             }),

@@ -147,7 +147,7 @@ fn run() -> Result<(), Box<dyn Error>> {
             println!(
                 "{name:<8} {motion:<7} {:>8.2} {:>8.0} {upload:>9.2} {:>9.1} {:>8.1} {:>8.1} {differ:>9.6} {:>9}",
                 cells as f64 * 1e-6,
-                scene.bytes as f64 / f64::from(1 << 20),
+                scene.bytes() as f64 / f64::from(1 << 20),
                 rays.len() as f64 / best * 1e-6,
                 per_ray(counts.node_tests),
                 per_ray(counts.cell_tests),

@@ -211,6 +211,21 @@ impl Device {
         Ok(buffer)
     }
 
+    /// Bytes of the largest buffer that can be bound.
+    pub(crate) fn largest(&self) -> u64 {
+        self.found.largest_buffer.min(self.found.largest_binding)
+    }
+
+    /// So many bytes of `what` are more than there may be.
+    pub(crate) fn too_large(&self, what: &'static str, bytes: u64, limit: u64) -> GpuError {
+        GpuError::TooLarge {
+            name: self.found.name.clone(),
+            what,
+            bytes,
+            limit,
+        }
+    }
+
     /// A buffer that holds nothing yet.
     ///
     /// # Errors
@@ -221,14 +236,8 @@ impl Device {
         bytes: u64,
         usage: wgpu::BufferUsages,
     ) -> Result<wgpu::Buffer, GpuError> {
-        let limit = self.found.largest_buffer.min(self.found.largest_binding);
-        if bytes > limit {
-            return Err(GpuError::TooLarge {
-                name: self.found.name.clone(),
-                what,
-                bytes,
-                limit,
-            });
+        if bytes > self.largest() {
+            return Err(self.too_large(what, bytes, self.largest()));
         }
         let scope = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
         let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {

@@ -1,5 +1,7 @@
 //! What can go wrong on a GPU.
 
+use hdtrapeze_core::trace::world::WorldError;
+
 /// Why a device cannot be used, or no longer. Each sentence stands after a name or a path.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum GpuError {
@@ -36,6 +38,9 @@ pub enum GpuError {
         /// Bytes that are needed.
         bytes: u64,
     },
+    /// There is no memory on the host.
+    #[error(transparent)]
+    Host(#[from] WorldError),
     /// What this backend cannot trace.
     #[error("the GPU cannot trace {0}")]
     Unsupported(String),

@@ -9,6 +9,7 @@
 
 pub mod device;
 pub mod error;
+mod pages;
 pub mod scene;
 mod stack;
 pub mod trace;

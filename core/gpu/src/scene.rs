@@ -14,11 +14,11 @@ use hdtrapeze_core::bvh::object::{Blas, BlockTree, LOOSE};
 use hdtrapeze_core::bvh::{Bounds8, Frame, Node, ObjectGeometry, Tree, U};
 use hdtrapeze_core::trace::World;
 use hdtrapeze_core::trace::parts::{Parts, Placement, Top};
+use hdtrapeze_core::trace::piece::Pick;
 use hdtrapeze_shaders::layout::{GridHeader, Instance, Object};
 use hdtrapeze_shaders::stage::{STACKS, TracePermutation};
 
-use super::stack;
-use super::{Device, GpuError};
+use super::{Device, GpuError, pages, stack};
 
 /// Units of 16 bytes.
 type Unit = [u32; 4];
@@ -37,17 +37,21 @@ const LARGEST_CONDITION: f32 = 64.0;
 /// boxes have room for what core rounds.
 const CARRIED_PAD: f32 = 16.0 * U;
 
-/// A world in the memory of a device.
+/// A world in the memory of a device: on one page, or on several where a binding holds too little.
 #[derive(Debug)]
 pub struct GpuScene {
-    pub(crate) group: [wgpu::Buffer; 6],
+    pub(crate) pages: Vec<Page>,
+}
+
+/// What rays are traced through at once.
+#[derive(Debug)]
+pub(crate) struct Page {
+    pub group: [wgpu::Buffer; 6],
     /// What the stage `trace` needs for it.
     pub permutation: TracePermutation,
-    pub(crate) root: u32,
-    pub(crate) radius: f32,
-    pub(crate) pad: f32,
-    /// Bytes on the device.
-    pub bytes: u64,
+    pub root: u32,
+    pub radius: f32,
+    pub pad: f32,
 }
 
 #[derive(Default)]
@@ -58,9 +62,14 @@ struct Arrays {
     objects: Vec<Object>,
     instances: Vec<Instance>,
     matrices: Vec<[f32; 4]>,
+    /// Where the key times that were added last are among the words, the last of all where nothing came after.
+    last_times: usize,
     /// Something moves.
     time: bool,
 }
+
+/// Times that pages are made smaller where trees turned out larger than was told.
+const TRIES: u32 = 4;
 
 impl GpuScene {
     /// Lays out `world` and uploads it.
@@ -68,11 +77,74 @@ impl GpuScene {
     /// # Errors
     /// It is larger than the device takes, or holds what a GPU cannot trace.
     pub fn new(device: &Device, world: &World) -> Result<Self, GpuError> {
+        Self::with_pages(device, world, u64::MAX)
+    }
+
+    /// The same, where no array of a page is larger than so many bytes, nor than the device binds.
+    ///
+    /// # Errors
+    /// As [`GpuScene::new`].
+    pub fn with_pages(device: &Device, world: &World, most: u64) -> Result<Self, GpuError> {
         let condition = world.condition();
         if condition > LARGEST_CONDITION {
             let what = format!("instances that are flattened as far as {condition}");
             return Err(GpuError::Unsupported(what));
         }
+        let parts = world.parts();
+        if parts.sets().any(|set| set.made().is_none()) {
+            let what = "what is diced when rays first come near it".to_owned();
+            return Err(GpuError::Unsupported(what));
+        }
+        let mut most = most.min(device.largest());
+        for _ in 1..TRIES {
+            match Self::planned(device, &parts, most) {
+                Err(GpuError::TooLarge { .. }) => most /= 2,
+                made => return made,
+            }
+        }
+        Self::planned(device, &parts, most)
+    }
+
+    fn planned(device: &Device, parts: &Parts<'_>, most: u64) -> Result<Self, GpuError> {
+        let plan = pages::plan(parts, most);
+        let page = |world: &World, numbers: &[(u32, u32)]| Page::new(device, world, numbers, most);
+        let pages = if plan.len() == 1 {
+            let count = parts.world().instance_count() as u32;
+            let numbers: Vec<_> = (0..count).map(|i| (i, 0)).collect();
+            vec![page(parts.world(), &numbers)?]
+        } else {
+            // One after the other: what a piece takes here is given back before the next is made.
+            let piece = |picks: &Vec<Pick>| {
+                let piece = parts.piece(picks)?;
+                page(&piece.world, &piece.numbers)
+            };
+            plan.iter().map(piece).collect::<Result<_, _>>()?
+        };
+        device.check()?;
+        Ok(Self { pages })
+    }
+
+    /// Pages that rays are traced through, one after the other.
+    pub fn page_count(&self) -> usize {
+        self.pages.len()
+    }
+
+    /// Bytes on the device.
+    pub fn bytes(&self) -> u64 {
+        let buffers = self.pages.iter().flat_map(|page| &page.group);
+        buffers.map(wgpu::Buffer::size).sum()
+    }
+}
+
+impl Page {
+    /// Lays out a world or a piece of one. `numbers` are, in the whole, the number of each instance and that of the first
+    /// grid of its object.
+    fn new(
+        device: &Device,
+        world: &World,
+        numbers: &[(u32, u32)],
+        most: u64,
+    ) -> Result<Self, GpuError> {
         let mut arrays = Arrays {
             // Place 0 of the words is the identity's frame.
             words: vec![0],
@@ -81,21 +153,22 @@ impl GpuScene {
         let parts = world.parts();
         let mut known: HashMap<*const ObjectGeometry, (u32, u32)> = HashMap::new();
         let mut deepest = 0;
-        for (i, object) in parts.objects().enumerate() {
-            let Some(object) = object else {
-                let what = "what is diced when rays first come near it".to_owned();
-                return Err(GpuError::Unsupported(what));
-            };
-            let (number, need) = match known.get(&Arc::as_ptr(object)) {
+        let objects = parts.sets().flat_map(|set| {
+            let object = set.object();
+            (0..set.len()).map(move |_| object)
+        });
+        for ((i, object), &(number, first_grid)) in (0..).zip(objects).zip(numbers) {
+            let (object, need) = match known.get(&Arc::as_ptr(object)) {
                 Some(&known) => known,
                 None => {
-                    let made = (arrays.objects.len() as u32, arrays.object(object)?);
+                    let place = arrays.objects.len() as u32;
+                    let made = (place, arrays.object(object, first_grid)?);
                     known.insert(Arc::as_ptr(object), made);
                     made
                 }
             };
             deepest = deepest.max(need);
-            arrays.instance(number, &parts.placement(i as u32));
+            arrays.instance(number, object, &parts.placement(i));
         }
         let (root, top_need) = arrays.top(&parts)?;
         let need = deepest + top_need;
@@ -108,17 +181,20 @@ impl GpuScene {
             let what = "more than 2^30 units of nodes or 2^32 coordinates".to_owned();
             return Err(GpuError::Unsupported(what));
         }
+        let upload = |what, bytes: &[u8]| match bytes.len() as u64 > most {
+            true => Err(device.too_large(what, bytes.len() as u64, most)),
+            false => device.upload(what, bytes),
+        };
         let group = [
-            device.upload("nodes", bytemuck::cast_slice(&arrays.nodes))?,
-            device.upload("vertices", bytemuck::cast_slice(&arrays.planes))?,
-            device.upload("grids", bytemuck::cast_slice(&arrays.words))?,
-            device.upload("objects", bytemuck::cast_slice(&arrays.objects))?,
-            device.upload("instances", bytemuck::cast_slice(&arrays.instances))?,
-            device.upload("matrices", bytemuck::cast_slice(&arrays.matrices))?,
+            upload("nodes", bytemuck::cast_slice(&arrays.nodes))?,
+            upload("vertices", bytemuck::cast_slice(&arrays.planes))?,
+            upload("grids", bytemuck::cast_slice(&arrays.words))?,
+            upload("objects", bytemuck::cast_slice(&arrays.objects))?,
+            upload("instances", bytemuck::cast_slice(&arrays.instances))?,
+            upload("matrices", bytemuck::cast_slice(&arrays.matrices))?,
         ];
-        device.check()?;
+        let condition = world.condition();
         Ok(Self {
-            bytes: group.iter().map(wgpu::Buffer::size).sum(),
             group,
             permutation: TracePermutation {
                 time: arrays.time,
@@ -134,7 +210,7 @@ impl GpuScene {
 
 impl Arrays {
     /// Adds an object; gives the entries of the stack that its tree needs.
-    fn object(&mut self, object: &ObjectGeometry) -> Result<u32, GpuError> {
+    fn object(&mut self, object: &ObjectGeometry, first_grid: u32) -> Result<u32, GpuError> {
         let plain;
         let object = match object.blas() {
             Blas::Relative(_) => {
@@ -170,20 +246,31 @@ impl Arrays {
             key_times,
             key_count: mesh.key_count() as u32,
             radius: object.radius(),
+            first_grid,
         });
         self.planes.extend_from_slice(mesh.planes());
         Ok(need)
     }
 
+    /// Adds key times, which instances of a set share.
     fn key_times(&mut self, times: &[f32]) -> u32 {
-        let first = self.words.len() as u32;
-        self.words.extend(times.iter().map(|time| time.to_bits()));
-        first
+        let words = times.iter().map(|time| time.to_bits());
+        if self.words[self.last_times..]
+            .iter()
+            .copied()
+            .eq(words.clone())
+        {
+            return self.last_times as u32;
+        }
+        self.last_times = self.words.len();
+        self.words.extend(words);
+        self.last_times as u32
     }
 
-    /// Adds an instance of object `object`.
-    fn instance(&mut self, object: u32, placement: &Placement) {
+    /// Adds the instance that has this number in the whole, of object `object`.
+    fn instance(&mut self, number: u32, object: u32, placement: &Placement) {
         let mut out = Instance {
+            number,
             object,
             matrices: self.matrices.len() as u32,
             ..Instance::default()
@@ -288,7 +375,7 @@ impl Arrays {
         leaf: impl Fn(u32) -> u32,
     ) -> u32 {
         let first = self.nodes.len() as u32;
-        let per_node = units(lattice_words::<B>() + 10);
+        let per_node = units(node_words::<B>());
         let kind = if B::MOVING { MOVES } else { 0 };
         let reference = |child: u32| match child {
             EMPTY => EMPTY,
@@ -340,8 +427,14 @@ fn lattice_words<B: Bounds8>() -> u32 {
     if B::MOVING { 36 } else { 18 }
 }
 
-fn block_words<B: Bounds8>() -> u32 {
+/// Words of a block.
+pub(crate) fn block_words<B: Bounds8>() -> u32 {
     lattice_words::<B>() + 4
+}
+
+/// Words of a node.
+pub(crate) fn node_words<B: Bounds8>() -> u32 {
+    lattice_words::<B>() + 10
 }
 
 fn units(words: u32) -> u32 {

@@ -12,6 +12,7 @@ use hdtrapeze_shaders::layout::{Hit, Ray, TraceLaunch};
 use hdtrapeze_shaders::stage::{TRACE_WORKGROUP, TracePermutation};
 use wgpu::BufferUsages as Usage;
 
+use super::scene::Page;
 use super::{Device, GpuError, GpuScene};
 
 /// Rays of one submission at most: 40 MiB of rays and hits, and no driver's patience is tried.
@@ -29,12 +30,18 @@ pub struct Tracer {
 /// Rays on a device, and what they hit.
 #[derive(Debug)]
 pub struct Batch {
-    pipeline: wgpu::ComputePipeline,
-    groups: [wgpu::BindGroup; 2],
+    launches: Vec<Launch>,
     hits: wgpu::Buffer,
     counts: Option<wgpu::Buffer>,
     len: usize,
     size: [u32; 2],
+}
+
+/// One page of the scene.
+#[derive(Debug)]
+struct Launch {
+    pipeline: wgpu::ComputePipeline,
+    groups: [wgpu::BindGroup; 2],
 }
 
 /// A binding of the stage.
@@ -114,22 +121,10 @@ impl Tracer {
     ) -> Result<Batch, GpuError> {
         let device = &*self.device;
         device.check()?;
-        let permutation = TracePermutation {
-            counts,
-            ..scene.permutation
-        };
         let packed: Vec<Ray> = rays.iter().map(packed).collect();
         let groups = (rays.len() as u32).div_ceil(TRACE_WORKGROUP).max(1);
         let rows = groups.div_ceil(device.found().workgroups);
         let across = groups.div_ceil(rows);
-        let launch = TraceLaunch {
-            root: scene.root,
-            ray_count: rays.len() as u32,
-            row: across * TRACE_WORKGROUP,
-            any: any.into(),
-            radius: scene.radius,
-            pad: scene.pad,
-        };
         let rays_there = device.upload("rays", bytemuck::cast_slice(&packed))?;
         let answers = |what: &'static str, each: usize| {
             let bytes = (rays.len().max(1) * each) as u64;
@@ -140,16 +135,35 @@ impl Tracer {
             true => Some(answers("counts", size_of::<[u32; 2]>())?),
             false => None,
         };
-        let launch_there = device.buffer("launch", 32, Usage::UNIFORM | Usage::COPY_DST)?;
-        let bytes = bytemuck::bytes_of(&launch);
-        device.queue.write_buffer(&launch_there, 0, bytes);
-        let mut buffers = vec![&rays_there, &hits, &launch_there];
-        buffers.extend(counted.as_ref());
-        let scene_group = self.group(0, &scene.group.each_ref());
-        let batch_group = self.group(1 + usize::from(counts), &buffers);
+        let launch = |(number, page): (usize, &Page)| {
+            let launch = TraceLaunch {
+                root: page.root,
+                ray_count: rays.len() as u32,
+                row: across * TRACE_WORKGROUP,
+                any: any.into(),
+                page: number as u32,
+                radius: page.radius,
+                pad: page.pad,
+            };
+            let launch_there = device.buffer("launch", 32, Usage::UNIFORM | Usage::COPY_DST)?;
+            let bytes = bytemuck::bytes_of(&launch);
+            device.queue.write_buffer(&launch_there, 0, bytes);
+            let mut buffers = vec![&rays_there, &hits, &launch_there];
+            buffers.extend(counted.as_ref());
+            let scene_group = self.group(0, &page.group.each_ref());
+            let batch_group = self.group(1 + usize::from(counts), &buffers);
+            let permutation = TracePermutation {
+                counts,
+                ..page.permutation
+            };
+            Ok(Launch {
+                pipeline: self.pipeline(permutation)?,
+                groups: [scene_group, batch_group],
+            })
+        };
+        let launches = scene.pages.iter().enumerate().map(launch);
         Ok(Batch {
-            pipeline: self.pipeline(permutation)?,
-            groups: [scene_group, batch_group],
+            launches: launches.collect::<Result<_, GpuError>>()?,
             hits,
             counts: counted,
             len: rays.len(),
@@ -186,10 +200,12 @@ impl Tracer {
                 label: Some("trace"),
                 timestamp_writes: writes,
             });
-            pass.set_pipeline(&batch.pipeline);
-            pass.set_bind_group(0, &batch.groups[0], &[]);
-            pass.set_bind_group(1, &batch.groups[1], &[]);
-            pass.dispatch_workgroups(batch.size[0], batch.size[1], 1);
+            for launch in &batch.launches {
+                pass.set_pipeline(&launch.pipeline);
+                pass.set_bind_group(0, &launch.groups[0], &[]);
+                pass.set_bind_group(1, &launch.groups[1], &[]);
+                pass.dispatch_workgroups(batch.size[0], batch.size[1], 1);
+            }
         }
         if let Some((set, times)) = &clock {
             encoder.resolve_query_set(set, 0..2, times, 0);

@@ -58,6 +58,9 @@ fn agree(tracer: &Tracer, world: &World, least_hits: usize) -> Result<(), Failed
 /// A name, what is traced, with these keys, and rays that hit it at least.
 type Traced = (&'static str, fn(&[f32]) -> World, usize);
 
+/// A name, what is traced, the bytes of a page, and how many pages that makes at least.
+type Paged = (&'static str, fn() -> World, u64, usize);
+
 fn objects() -> Vec<Traced> {
     vec![
         ("sheet", |keys| world_of(sheet(3, 9, keys)), 300),
@@ -105,10 +108,10 @@ fn crowd(moving: usize) -> World {
     World::build(instances, DVec3::ZERO)
 }
 
-fn coincident() -> World {
+fn coincident(count: usize) -> World {
     let one = object(sheet(2, 9, &[0.0]));
     let at = InstanceTransform::Translation(DVec3::ZERO);
-    let all = (0..5).map(|_| instance(&one, at.clone())).collect();
+    let all = (0..count).map(|_| instance(&one, at.clone())).collect();
     World::build(all, DVec3::ZERO)
 }
 
@@ -178,17 +181,49 @@ fn watertight(tracer: &Tracer) -> Result<(), Failed> {
     Ok(())
 }
 
-/// What does not fit is refused in words, and the device goes on working.
-fn too_large(tracer: &Tracer) -> Result<(), Failed> {
-    let found = tracer.device().found();
-    // 289 vertices of 12 bytes a grid; devices that bind more are not filled for this.
-    let grids = (found.largest_binding / (289 * 12) + 1) as f64;
-    if grids > 50_000.0 {
-        return Ok(());
+/// What does not fit on one page is traced page by page: the same hits, bit for bit.
+fn paged(tracer: &Tracer, world: &World, most: u64, least_pages: usize) -> Result<(), Failed> {
+    let mut rng = Rng(5);
+    let rays: Vec<Ray> = (0..RAYS).map(|_| random_ray(&mut rng)).collect();
+    let whole = traced(tracer, world, &rays, false)?;
+    let scene = GpuScene::with_pages(tracer.device(), world, most)?;
+    if scene.page_count() < least_pages {
+        return Err(format!("only {} pages", scene.page_count()).into());
     }
-    let world = world_of(sheet(grids.sqrt().ceil() as usize, 16, &[0.0]));
-    match GpuScene::new(tracer.device(), &world) {
-        Err(error @ GpuError::TooLarge { .. }) if error.to_string().contains("vertices") => {}
+    let mut hits = vec![Hit::MISS; rays.len()];
+    tracer.trace(&scene, &rays, false, &mut hits)?;
+    for ((ray, hit), whole) in rays.iter().zip(&hits).zip(&whole) {
+        if hit != whole {
+            return Err(format!("{ray:?}: {hit:?} on pages, {whole:?} on one").into());
+        }
+    }
+    let mut any = vec![Hit::MISS; rays.len()];
+    tracer.trace(&scene, &rays, true, &mut any)?;
+    let found = hits.iter().filter(|hit| hit.is_hit()).count();
+    if found < 50
+        || any
+            .iter()
+            .zip(&hits)
+            .any(|(any, hit)| any.is_hit() != hit.is_hit())
+    {
+        return Err(format!("{found} hits, but not for any").into());
+    }
+    Ok(())
+}
+
+/// One set of very many instances needs several pages of them.
+fn many_instances() -> World {
+    let one = object(sheet(1, 4, &[0.0]));
+    let mut rng = Rng(3);
+    let at = |_| instance(&one, InstanceTransform::Translation(rng.cube().as_dvec3()));
+    World::build((0..400).map(at).collect(), DVec3::ZERO)
+}
+
+/// What no page holds is refused in words, and the device goes on working.
+fn too_large(tracer: &Tracer) -> Result<(), Failed> {
+    // Less than the vertices of a grid.
+    match GpuScene::with_pages(tracer.device(), &world_of(sheet(1, 16, &[0.0])), 2000) {
+        Err(error @ GpuError::TooLarge { .. }) if error.to_string().contains("need") => {}
         other => return Err(format!("{other:?}").into()),
     }
     agree(tracer, &world_of(sheet(3, 9, &[0.0])), 300)
@@ -231,9 +266,27 @@ fn main() {
     );
     add(
         "surfaces_that_coincide".to_owned(),
-        Box::new(|tracer| agree(tracer, &coincident(), 300)),
+        Box::new(|tracer| agree(tracer, &coincident(5), 300)),
     );
     add("scenes_that_are_too_large".to_owned(), Box::new(too_large));
+    let worlds: [Paged; 5] = [
+        ("sheet", || world_of(sheet(8, 9, &keys(2))), 20_000, 5),
+        (
+            "fan",
+            || world_of(curved::fan(2, 6, &keys(9), 3.0)),
+            20_000,
+            3,
+        ),
+        ("crowd", || crowd(12), 8_000, 3),
+        ("coincident", || coincident(300), 4_000, 5),
+        ("many_instances", many_instances, 4_000, 5),
+    ];
+    for (name, make, most, least) in worlds {
+        add(
+            format!("pages_of_{name}"),
+            Box::new(move |tracer| paged(tracer, &make(), most, least)),
+        );
+    }
     add("bad_rays".to_owned(), Box::new(bad_rays));
     add("watertight".to_owned(), Box::new(watertight));
     libtest_mimic::run(&arguments, trials).exit();

@@ -44,6 +44,14 @@ impl Grid {
     pub fn cell_count(&self) -> usize {
         self.nu as usize * self.nv as usize
     }
+    /// True when rates are from 1 to [`MAX_GRID_RATE`], and its vertices are among `vertex_count` and come after those
+    /// of the grid before.
+    pub(crate) fn is_sound(&self, before: Option<&Grid>, vertex_count: usize) -> bool {
+        let end = |grid: &Grid| grid.first_vertex as usize + grid.vertex_count();
+        let rate = 1..=MAX_GRID_RATE as u16;
+        let after = before.is_none_or(|before| self.first_vertex as usize >= end(before));
+        rate.contains(&self.nu) && rate.contains(&self.nv) && after && end(self) <= vertex_count
+    }
 }
 
 /// A primvar over the lattice vertices of a diced mesh.
@@ -101,14 +109,8 @@ impl DicedMesh {
     /// True when the rates and vertices of grid `g` are within the mesh, and its vertices come after
     /// those of the grid before.
     pub fn is_sound(&self, g: usize) -> bool {
-        let end = |grid: &Grid| grid.first_vertex as usize + grid.vertex_count();
-        let grid = &self.grids[g];
-        let rate = 1..=MAX_GRID_RATE as u16;
-        let after = g == 0 || grid.first_vertex as usize >= end(&self.grids[g - 1]);
-        rate.contains(&grid.nu)
-            && rate.contains(&grid.nv)
-            && after
-            && end(grid) <= self.vertex_count
+        let before = g.checked_sub(1).map(|before| &self.grids[before]);
+        self.grids[g].is_sound(before, self.vertex_count)
     }
     /// Positions of grid `g` at key `k`.
     pub fn grid_positions(&self, g: usize, k: usize) -> &[Vec3] {

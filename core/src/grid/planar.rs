@@ -169,6 +169,21 @@ impl From<&PlanarMesh> for DicedMesh {
     }
 }
 
+/// Which grids are sound, and have none of the vertices of one before.
+fn sound_grids(grids: &[Grid], vertex_count: usize) -> Vec<bool> {
+    let mut end = 0;
+    let before = std::iter::once(None).chain(grids.iter().map(Some));
+    let sound = |(grid, before): (&Grid, Option<&Grid>)| {
+        let first = grid.first_vertex as usize;
+        let sound = grid.is_sound(before, vertex_count) && first >= end;
+        if sound {
+            end = first + grid.vertex_count();
+        }
+        sound
+    };
+    grids.iter().zip(before).map(sound).collect()
+}
+
 impl PlanarMesh {
     /// Turns the positions of a mesh into planes, in place. Runs of grids are handed to `visit`, from several
     /// threads, which turns them; what it returned, in the order of the grids. A mesh that is not
@@ -180,18 +195,9 @@ impl PlanarMesh {
         let usable = mesh.is_usable();
         let keys = mesh.key_count();
         let mut floats: Vec<f32> = Vec::new();
-        // Grids that are sound, and none of whose vertices are those of one before.
-        let (mut sound, mut end) = (vec![false; mesh.grids.len()], 0);
+        let mut sound = vec![false; mesh.grids.len()];
         if usable {
-            for (g, grid) in mesh.grids.iter().enumerate() {
-                let first = grid.first_vertex as usize;
-                sound[g] = mesh.is_sound(g) && first >= end;
-                end = if sound[g] {
-                    first + grid.vertex_count()
-                } else {
-                    end
-                };
-            }
+            sound = sound_grids(&mesh.grids, mesh.vertex_count);
             let mut positions = mesh.positions;
             positions.truncate(mesh.vertex_count * keys);
             positions.reserve_exact(PAD.div_ceil(3));
@@ -246,6 +252,37 @@ impl PlanarMesh {
 }
 
 impl PlanarMesh {
+    /// Some of the grids by themselves, without normals and channels. Those that are not sound are not there either,
+    /// but have numbers.
+    pub fn grids_of(&self, grids: Range<usize>) -> DicedMesh {
+        let keys = self.key_count();
+        let mut out = DicedMesh {
+            origin: self.origin,
+            key_times: self.key_times.clone(),
+            ..DicedMesh::default()
+        };
+        let sound = match self.planes.is_empty() {
+            true => vec![false; grids.end],
+            false => sound_grids(&self.grids[..grids.end], self.vertex_count),
+        };
+        for g in grids {
+            let mut grid = self.grids[g];
+            if !sound[g] {
+                (grid.nu, grid.nv) = (0, 0);
+            }
+            let n = grid.vertex_count();
+            let places = (0..keys).flat_map(|k| (0..n).map(move |i| (k, i)));
+            let position = |(k, i)| match sound[g] {
+                true => self.position(g, k, i),
+                false => Vec3::ZERO,
+            };
+            out.positions.extend(places.map(position));
+            grid.first_vertex = out.vertex_count as u32;
+            out.vertex_count += n;
+            out.grids.push(grid);
+        }
+        out
+    }
     /// Number of position keys.
     pub fn key_count(&self) -> usize {
         self.key_times.len()
@@ -330,6 +367,18 @@ mod tests {
                 for (i, &p) in mesh.grid_positions(g, k).iter().enumerate() {
                     assert_eq!(planar.position(g, k, i), p, "{g} {k} {i}");
                 }
+            }
+        }
+        let some = PlanarMesh::from(planar.grids_of(70..310));
+        for g in 0..240 {
+            let (n, whole) = (some.grids[g].vertex_count(), 70 + g);
+            assert_eq!(some.grids[g].nu == 0, left_out.contains(&whole), "{whole}");
+            for (k, i) in (0..3).flat_map(|k| (0..n).map(move |i| (k, i))) {
+                let expected = match left_out.contains(&whole) {
+                    true => Vec3::ZERO,
+                    false => planar.position(whole, k, i),
+                };
+                assert_eq!(some.position(g, k, i), expected, "{whole} {k} {i}");
             }
         }
         let last = &planar.grids[399];

@@ -18,6 +18,7 @@ pub mod object_ray;
 pub mod packet;
 mod pairs;
 pub mod parts;
+pub mod piece;
 pub mod places;
 mod query;
 mod relative;

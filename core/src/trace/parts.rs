@@ -6,7 +6,7 @@ use glam::{DAffine3, DMat3, DVec3};
 
 use super::places::{InstanceSet, Places};
 use super::world::{MOVERS, TopTree, World};
-use crate::bvh::{LinearSlabs, ObjectGeometry, StaticSlabs, Tree};
+use crate::bvh::{LinearSlabs, StaticSlabs, Tree};
 
 /// The tree over instances.
 #[derive(Clone, Copy, Debug)]
@@ -57,6 +57,11 @@ impl World {
 }
 
 impl<'a> Parts<'a> {
+    /// The world.
+    pub fn world(&self) -> &'a World {
+        self.world
+    }
+
     /// Item of a static tree over instances that stands for all that move.
     pub const MOVERS: u32 = MOVERS;
 
@@ -71,10 +76,9 @@ impl<'a> Parts<'a> {
         }
     }
 
-    /// The object of each instance, in their order; nothing where it has not been made.
-    pub fn objects(&self) -> impl Iterator<Item = Option<&'a Arc<ObjectGeometry>>> {
-        let sets = self.world.sets.iter();
-        sets.flat_map(|numbered| (0..numbered.set.len()).map(|_| numbered.set.made()))
+    /// The sets of instances, in the order of their numbers.
+    pub fn sets(&self) -> impl ExactSizeIterator<Item = &'a Arc<InstanceSet>> {
+        self.world.sets.iter().map(|numbered| &numbered.set)
     }
 
     /// Where instance number `instance` is.

@@ -140,6 +140,7 @@ fn offer(best: ptr<function, Hit>, w: vec3<f32>, z: vec3<f32>, second: bool, ray
 
 // Tests one group.
 fn test_group(best: ptr<function, Hit>, rect: Rect, object: Object, ray: CellRay, t_min: f32, instance: u32) {
+    let grid = object.first_grid + rect.grid;
     let header = object.grids + 3u * rect.grid;
     let first_vertex = words[header];
     let rates = words[header + 2u];
@@ -170,9 +171,9 @@ fn test_group(best: ptr<function, Hit>, rect: Rect, object: Object, ray: CellRay
             let top = edge(e, d);
             let cell = (rect.j + r) * nu + rect.i + c;
             offer(best, vec3<f32>(right, diagonal, bottom), vec3<f32>(a.z, b.z, e.z), false, ray, t_min,
-                  instance, rect.grid, cell);
+                  instance, grid, cell);
             offer(best, vec3<f32>(top, left, -diagonal), vec3<f32>(a.z, e.z, d.z), true, ray, t_min,
-                  instance, rect.grid, cell);
+                  instance, grid, cell);
             a = b;
             d = e;
             left = -right;

@@ -54,11 +54,15 @@ struct Object {
     key_count: u32,
     // Largest magnitude of any coordinate or bound.
     radius: f32,
+    // Number of its first grid in the whole object, where a page has only some of its grids.
+    first_grid: u32,
 }
 
 // One instance of an object.
 struct Instance {
-    // Its number among the objects.
+    // Its number in the world.
+    number: u32,
+    // Number of its object in the page.
     object: u32,
     // First of its rows in `matrices`: 1 of a translation, 3 of a fixed matrix, 3 a key of moving ones.
     matrices: u32,
@@ -78,6 +82,8 @@ struct TraceLaunch {
     row: u32,
     // 1: any hit will do.
     any: u32,
+    // Number of the page; from the second on there are hits already.
+    page: u32,
     // Bounds the magnitude of every coordinate of every instance.
     radius: f32,
     // Pad of slab tests against the tree over instances, per unit of distance from the world's origin.

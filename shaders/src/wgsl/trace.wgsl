@@ -101,6 +101,9 @@ fn trace(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_inde
     }
     let ray = rays[index];
     var best = Hit(ray.t_max, 0.0, 0.0, NONE, 0u, 0u);
+    if launch.page > 0u {
+        best = hits[index];
+    }
     if launch.root != EMPTY && ray.t_min <= ray.t_max {
         tell(index, walk(ray, &best));
     } else {
@@ -127,6 +130,7 @@ fn walk(ray: Ray, best: ptr<function, Hit>) -> vec2<u32> {
     // The frame that `slab` is in.
     var frame = 0u;
     var object: Object;
+    // Number of the instance in the world.
     var instance = 0u;
     var cells: CellRay;
     var at = launch.root;
@@ -179,8 +183,8 @@ fn walk(ray: Ray, best: ptr<function, Hit>) -> vec2<u32> {
                 leave = false;
             }
         } else if !inside {
-            instance = at & ~LEAF;
-            let place = instances[instance];
+            let place = instances[at & ~LEAF];
+            instance = place.number;
             let local = carried(place, ray.origin, ray.dir, ray.time);
             object = objects[place.object];
             let there = tree_ray(local.origin, local.dir, ray.time, object.radius, 0.0);
