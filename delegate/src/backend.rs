@@ -2,11 +2,11 @@
 
 use std::sync::{Arc, Mutex, OnceLock};
 
-use hdtrapeze_core::render::{Prepared, RayTracer};
+use hdtrapeze_core::render::{Generator, Prepared, RayTracer, Stage, TileSamples};
 use hdtrapeze_core::scene::Backend;
 use hdtrapeze_core::trace::{Hit, Ray};
 pub use hdtrapeze_gpu::device::{Found, Kind};
-use hdtrapeze_gpu::{Device, GpuError, GpuScene, Tracer};
+use hdtrapeze_gpu::{Device, GpuCamera, GpuError, GpuScene, RayMaker, Tracer};
 
 use crate::error::Error;
 use crate::status::lock;
@@ -44,6 +44,8 @@ pub fn open(backend: Backend) -> Result<Option<Arc<Tracer>>, Error> {
 pub(crate) struct OnGpu {
     tracer: Arc<Tracer>,
     scene: GpuScene,
+    /// Where it draws the rays of this camera.
+    camera: Option<(RayMaker, GpuCamera)>,
 }
 
 impl OnGpu {
@@ -54,16 +56,52 @@ impl OnGpu {
             return Err(GpuError::Unsupported(what));
         }
         let scene = GpuScene::new(tracer.device(), prepared.world())?;
-        Ok(Self { tracer, scene })
+        let camera = match GpuCamera::new(tracer.device(), &Generator::new(prepared)) {
+            Ok(camera) => Some((RayMaker::new(Arc::clone(tracer.device())), camera)),
+            Err(GpuError::Unsupported(_)) => None,
+            Err(error) => return Err(error),
+        };
+        Ok(Self {
+            tracer,
+            scene,
+            camera,
+        })
     }
 
     /// What it is on, for people.
     pub fn name(&self) -> String {
         format!("gpu ({})", self.tracer.device().found().name)
     }
+
+    /// The same, and what is done there.
+    pub fn explain(&self) -> String {
+        let done = match self.first_stage() {
+            Stage::Generate => "draws and traces camera rays",
+            Stage::Trace => "traces camera rays",
+        };
+        format!("{}, which {done}", self.name())
+    }
 }
 
 impl RayTracer for OnGpu {
+    fn first_stage(&self) -> Stage {
+        match self.camera {
+            Some(_) => Stage::Generate,
+            None => Stage::Trace,
+        }
+    }
+
+    fn trace_tiles(&self, tiles: &[TileSamples], hits: &mut [Hit]) -> Result<(), String> {
+        let Some((maker, camera)) = &self.camera else {
+            return Err("it draws no rays".to_owned());
+        };
+        let traced = maker.draw(camera, tiles, false).and_then(|drawn| {
+            self.tracer
+                .trace_there(&self.scene, &drawn.rays, drawn.len, hits)
+        });
+        traced.map_err(|error| error.to_string())
+    }
+
     fn trace(&self, rays: &[Ray], hits: &mut [Hit]) -> Result<(), String> {
         let traced = self.tracer.trace(&self.scene, rays, false, hits);
         traced.map_err(|error| error.to_string())

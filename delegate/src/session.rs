@@ -295,7 +295,7 @@ impl Session {
     pub fn explain(&self) -> Result<String, Error> {
         self.shared.check()?;
         let Committed { prepared, gpu, .. } = self.committed()?;
-        let backend = gpu.map_or_else(|| "cpu".to_owned(), |gpu| gpu.name());
+        let backend = gpu.map_or_else(|| "cpu".to_owned(), |gpu| gpu.explain());
         self.shared.guard(|| prepared.explain(&backend))
     }
 

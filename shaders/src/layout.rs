@@ -34,8 +34,12 @@ pub struct Ray {
     pub t_max: f32,
     /// In [0, 1] across the shutter.
     pub time: f32,
-    /// To the next multiple of 16 bytes; its content means nothing.
-    pub _pad: [u32; 3],
+    /// Where its hit goes.
+    pub number: u32,
+    /// Filter weight of its sample, mean 1.
+    pub weight: f32,
+    /// Squared distance of its sample from the pixel's centre, pixels.
+    pub distance2: f32,
 }
 
 /// The nearest micropolygon along a ray.
@@ -112,6 +116,114 @@ pub struct TraceLaunch {
     pub pad: f32,
 }
 
+/// A camera and what is drawn for it, as `camera.wgsl` uses it. Places are words of its tables.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Camera {
+    /// Camera to world, of one that stands still.
+    pub column_x: [f32; 4],
+    /// Its second column.
+    pub column_y: [f32; 4],
+    /// Its third column.
+    pub column_z: [f32; 4],
+    /// Where it is.
+    pub place: [f32; 4],
+    /// Of bent blades: 1 - eccentricity, eccentricity, half angle, half area. The half angle of straight ones is 0.
+    pub arc: [f32; 4],
+    /// Radius of the arc over the distance of the side's middle, and over half its length.
+    pub arc_along: [f32; 2],
+    /// Of the lens' opening, in units of its radius.
+    pub half_axes: [f32; 2],
+    /// Added to points of the opening.
+    pub lens_offset: [f32; 2],
+    /// Top left corner of the window.
+    pub corner: [f32; 2],
+    /// Width and height of the window.
+    pub window_size: [f32; 2],
+    /// Pixels.
+    pub resolution: [f32; 2],
+    /// Near and far.
+    pub clipping: [f32; 2],
+    /// The part of [0, 1] that times are in.
+    pub time_window: [f32; 2],
+    /// Of all patterns; the lower word first.
+    pub seed: [u32; 2],
+    /// Digits of a net's numbers.
+    pub digits: u32,
+    /// 1: rays leave side by side.
+    pub orthographic: u32,
+    /// Scene units.
+    pub lens_radius: f32,
+    /// Depth in focus, scene units.
+    pub focus_distance: f32,
+    /// Where the first blade begins, in turns.
+    pub blade_start: f32,
+    /// Share of the shutter's opening that 2^-24 of a number is.
+    pub curve_step: f32,
+    /// Pixels.
+    pub filter_width: f32,
+    /// Magnitude of the weight along one axis.
+    pub filter_weight: f32,
+    /// 0 for the box.
+    pub filter_cells: u32,
+    /// Cells: share, start, slope and sign.
+    pub filter_table: u32,
+    /// For each share, the cell in which it begins.
+    pub filter_guide: u32,
+    /// Pieces of the shutter's curve; none where it is open evenly.
+    pub curve: u32,
+    /// How many.
+    pub curve_pieces: u32,
+    /// Number of blades.
+    pub blades: u32,
+    /// The two vectors of each side.
+    pub blade_sides: u32,
+    /// Keys of the path.
+    pub keys: u32,
+    /// How many.
+    pub key_count: u32,
+    /// Clipping planes in camera space: normals and offsets.
+    pub planes: u32,
+    /// How many.
+    pub plane_count: u32,
+    /// To the next multiple of 16 bytes; its content means nothing.
+    pub _pad: [u32; 3],
+}
+
+/// Samples of the pixels of a tile.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+pub struct TileSamples {
+    /// Left pixel.
+    pub x: i32,
+    /// Top pixel.
+    pub y: i32,
+    /// Width.
+    pub width: u32,
+    /// Height.
+    pub height: u32,
+    /// Number of the first sample.
+    pub first_sample: u32,
+    /// How many there are.
+    pub count: u32,
+    /// Number of the first ray.
+    pub first_ray: u32,
+    /// Side of the blocks of pixels that rays are numbered by.
+    pub block: u32,
+}
+
+/// What a launch of the stage `generate` works on.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+pub struct GenerateLaunch {
+    /// Workgroups in a row.
+    pub row: u32,
+    /// Number of tiles.
+    pub tile_count: u32,
+    /// The sample that the first of `words` are of.
+    pub first_sample: u32,
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -162,7 +274,9 @@ mod tests {
                 dir,
                 t_max,
                 time,
-                _pad
+                number,
+                weight,
+                distance2
             }),
             rust_layout!(Hit {
                 t,
@@ -196,6 +310,57 @@ mod tests {
                 page,
                 radius,
                 pad
+            }),
+            rust_layout!(Camera {
+                column_x,
+                column_y,
+                column_z,
+                place,
+                arc,
+                arc_along,
+                half_axes,
+                lens_offset,
+                corner,
+                window_size,
+                resolution,
+                clipping,
+                time_window,
+                seed,
+                digits,
+                orthographic,
+                lens_radius,
+                focus_distance,
+                blade_start,
+                curve_step,
+                filter_width,
+                filter_weight,
+                filter_cells,
+                filter_table,
+                filter_guide,
+                curve,
+                curve_pieces,
+                blades,
+                blade_sides,
+                keys,
+                key_count,
+                planes,
+                plane_count,
+                _pad
+            }),
+            rust_layout!(TileSamples {
+                x,
+                y,
+                width,
+                height,
+                first_sample,
+                count,
+                first_ray,
+                block
+            }),
+            rust_layout!(GenerateLaunch {
+                row,
+                tile_count,
+                first_sample
             }),
         ]
     }

@@ -1,7 +1,11 @@
 //! Devices: which there are, which is used and why, and one that is open.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError, mpsc};
 use std::time::Duration;
+
+use bytemuck::Pod;
+
+use wgpu::BufferUsages as Usage;
 
 use super::GpuError;
 
@@ -199,12 +203,8 @@ impl Device {
     ///
     /// # Errors
     /// It is larger than the device takes, or there is no memory.
-    pub(crate) fn upload(
-        &self,
-        what: &'static str,
-        bytes: &[u8],
-    ) -> Result<wgpu::Buffer, GpuError> {
-        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+    pub fn upload(&self, what: &'static str, bytes: &[u8]) -> Result<wgpu::Buffer, GpuError> {
+        let usage = Usage::STORAGE | Usage::COPY_DST;
         // A binding may not be empty.
         let buffer = self.buffer(what, (bytes.len() as u64).max(64), usage)?;
         self.queue.write_buffer(&buffer, 0, bytes);
@@ -230,11 +230,11 @@ impl Device {
     ///
     /// # Errors
     /// As [`Device::upload`].
-    pub(crate) fn buffer(
+    pub fn buffer(
         &self,
         what: &'static str,
         bytes: u64,
-        usage: wgpu::BufferUsages,
+        usage: Usage,
     ) -> Result<wgpu::Buffer, GpuError> {
         if bytes > self.largest() {
             return Err(self.too_large(what, bytes, self.largest()));
@@ -254,5 +254,35 @@ impl Device {
             }),
             None => Ok(buffer),
         }
+    }
+    /// Copies the start of a buffer that can be copied from.
+    ///
+    /// # Errors
+    /// The device failed or is lost.
+    pub fn fetch<T: Pod>(&self, from: &wgpu::Buffer, into: &mut [T]) -> Result<(), GpuError> {
+        let bytes = size_of_val(into) as u64;
+        if bytes == 0 {
+            return Ok(());
+        }
+        let back = self.buffer("answers", bytes, Usage::MAP_READ | Usage::COPY_DST)?;
+        let mut encoder = self.device.create_command_encoder(&Default::default());
+        encoder.copy_buffer_to_buffer(from, 0, &back, 0, bytes);
+        let (done, mapped) = mpsc::channel();
+        encoder.map_buffer_on_submit(&back, wgpu::MapMode::Read, .., move |result| {
+            // Nobody listens where waiting failed.
+            let _ = done.send(result.is_ok());
+        });
+        self.wait(self.queue.submit([encoder.finish()]))?;
+        let unreadable = || GpuError::Failed {
+            name: self.found.name.clone(),
+            why: "its answers cannot be read".to_owned(),
+        };
+        if mapped.try_recv() != Ok(true) {
+            return Err(unreadable());
+        }
+        let view = back.get_mapped_range(..).map_err(|_| unreadable())?;
+        let to: &mut [u8] = bytemuck::cast_slice_mut(into);
+        to.copy_from_slice(&view[..to.len()]);
+        Ok(())
     }
 }

@@ -4,14 +4,14 @@
 //! [`Tracer::trace`] does all of that for any number of rays.
 
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, PoisonError, mpsc};
+use std::sync::{Arc, Mutex, PoisonError};
 
-use bytemuck::Pod;
 use hdtrapeze_core::trace::{self, TraceCounts};
 use hdtrapeze_shaders::layout::{Hit, Ray, TraceLaunch};
 use hdtrapeze_shaders::stage::{TRACE_WORKGROUP, TracePermutation};
 use wgpu::BufferUsages as Usage;
 
+use super::kernel::{Clock, rows};
 use super::scene::Page;
 use super::{Device, GpuError, GpuScene};
 
@@ -108,6 +108,22 @@ impl Tracer {
         Ok(())
     }
 
+    /// The nearest hits of rays that are there, by their numbers.
+    ///
+    /// # Errors
+    /// As [`Tracer::trace`].
+    pub fn trace_there(
+        &self,
+        scene: &GpuScene,
+        rays: &wgpu::Buffer,
+        len: usize,
+        hits: &mut [trace::Hit],
+    ) -> Result<(), GpuError> {
+        let batch = self.batch_of(scene, rays, len, false, false)?;
+        self.run(&batch)?;
+        self.read(&batch, hits)
+    }
+
     /// Uploads rays; with `counts`, what each costs is told too.
     ///
     /// # Errors
@@ -121,13 +137,29 @@ impl Tracer {
     ) -> Result<Batch, GpuError> {
         let device = &*self.device;
         device.check()?;
-        let packed: Vec<Ray> = rays.iter().map(packed).collect();
-        let groups = (rays.len() as u32).div_ceil(TRACE_WORKGROUP).max(1);
-        let rows = groups.div_ceil(device.found().workgroups);
-        let across = groups.div_ceil(rows);
+        let packed: Vec<Ray> = (0..).zip(rays).map(packed).collect();
         let rays_there = device.upload("rays", bytemuck::cast_slice(&packed))?;
+        self.batch_of(scene, &rays_there, rays.len(), any, counts)
+    }
+
+    /// [`Tracer::batch`], of `len` rays that are there.
+    ///
+    /// # Errors
+    /// As [`Tracer::batch`].
+    pub fn batch_of(
+        &self,
+        scene: &GpuScene,
+        rays: &wgpu::Buffer,
+        len: usize,
+        any: bool,
+        counts: bool,
+    ) -> Result<Batch, GpuError> {
+        let device = &*self.device;
+        device.check()?;
+        let groups = (len as u32).div_ceil(TRACE_WORKGROUP).max(1);
+        let [across, rows] = rows(device, groups);
         let answers = |what: &'static str, each: usize| {
-            let bytes = (rays.len().max(1) * each) as u64;
+            let bytes = (len.max(1) * each) as u64;
             device.buffer(what, bytes, Usage::STORAGE | Usage::COPY_SRC)
         };
         let hits = answers("hits", size_of::<Hit>())?;
@@ -138,7 +170,7 @@ impl Tracer {
         let launch = |(number, page): (usize, &Page)| {
             let launch = TraceLaunch {
                 root: page.root,
-                ray_count: rays.len() as u32,
+                ray_count: len as u32,
                 row: across * TRACE_WORKGROUP,
                 any: any.into(),
                 page: number as u32,
@@ -148,7 +180,7 @@ impl Tracer {
             let launch_there = device.buffer("launch", 32, Usage::UNIFORM | Usage::COPY_DST)?;
             let bytes = bytemuck::bytes_of(&launch);
             device.queue.write_buffer(&launch_there, 0, bytes);
-            let mut buffers = vec![&rays_there, &hits, &launch_there];
+            let mut buffers = vec![rays, &hits, &launch_there];
             buffers.extend(counted.as_ref());
             let scene_group = self.group(0, &page.group.each_ref());
             let batch_group = self.group(1 + usize::from(counts), &buffers);
@@ -166,7 +198,7 @@ impl Tracer {
             launches: launches.collect::<Result<_, GpuError>>()?,
             hits,
             counts: counted,
-            len: rays.len(),
+            len,
             size: [across, rows],
         })
     }
@@ -177,28 +209,15 @@ impl Tracer {
     /// The device failed or is lost.
     pub fn run(&self, batch: &Batch) -> Result<Option<f64>, GpuError> {
         let device = &*self.device;
-        let clock = device.found().timestamps.then(|| {
-            let set = device.device.create_query_set(&wgpu::QuerySetDescriptor {
-                label: Some("trace"),
-                ty: wgpu::QueryType::Timestamp,
-                count: 2,
-            });
-            let usage = Usage::QUERY_RESOLVE | Usage::COPY_SRC;
-            device.buffer("times", 16, usage).map(|times| (set, times))
-        });
-        let clock = clock.transpose()?;
+        let clock = match device.found().timestamps {
+            true => Some(Clock::new(device, "trace")?),
+            false => None,
+        };
         let mut encoder = device.device.create_command_encoder(&Default::default());
         {
-            let writes = clock
-                .as_ref()
-                .map(|(set, _)| wgpu::ComputePassTimestampWrites {
-                    query_set: set,
-                    beginning_of_pass_write_index: Some(0),
-                    end_of_pass_write_index: Some(1),
-                });
             let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
                 label: Some("trace"),
-                timestamp_writes: writes,
+                timestamp_writes: clock.as_ref().map(Clock::writes),
             });
             for launch in &batch.launches {
                 pass.set_pipeline(&launch.pipeline);
@@ -207,19 +226,11 @@ impl Tracer {
                 pass.dispatch_workgroups(batch.size[0], batch.size[1], 1);
             }
         }
-        if let Some((set, times)) = &clock {
-            encoder.resolve_query_set(set, 0..2, times, 0);
+        if let Some(clock) = &clock {
+            clock.resolve(&mut encoder);
         }
         device.wait(device.queue.submit([encoder.finish()]))?;
-        let Some((_, times)) = clock else {
-            return Ok(None);
-        };
-        let mut ends = [0u64; 2];
-        self.fetch(&times, &mut ends)?;
-        let ticks = ends[1].saturating_sub(ends[0]) as f64;
-        Ok(Some(
-            ticks * f64::from(device.queue.get_timestamp_period()) * 1e-9,
-        ))
+        clock.map(|clock| clock.seconds(device)).transpose()
     }
 
     /// Fetches the hits of a batch that has run.
@@ -228,7 +239,7 @@ impl Tracer {
     /// The device failed or is lost.
     pub fn read(&self, batch: &Batch, hits: &mut [trace::Hit]) -> Result<(), GpuError> {
         let mut answers = vec![Hit::default(); batch.len];
-        self.fetch(&batch.hits, &mut answers)?;
+        self.device.fetch(&batch.hits, &mut answers)?;
         for (hit, answer) in hits.iter_mut().zip(&answers) {
             *hit = unpacked(answer);
         }
@@ -244,7 +255,7 @@ impl Tracer {
             return Ok(None);
         };
         let mut each = vec![[0u32; 2]; batch.len];
-        self.fetch(buffer, &mut each)?;
+        self.device.fetch(buffer, &mut each)?;
         let of = |&[nodes, cells]: &[u32; 2]| TraceCounts {
             rays: 1,
             node_tests: nodes.into(),
@@ -252,35 +263,6 @@ impl Tracer {
         };
         let sum = each.iter().map(of);
         Ok(Some(sum.fold(TraceCounts::default(), |a, b| a + b)))
-    }
-
-    /// Copies the start of a buffer.
-    fn fetch<T: Pod>(&self, from: &wgpu::Buffer, into: &mut [T]) -> Result<(), GpuError> {
-        let device = &*self.device;
-        let bytes = size_of_val(into) as u64;
-        if bytes == 0 {
-            return Ok(());
-        }
-        let back = device.buffer("answers", bytes, Usage::MAP_READ | Usage::COPY_DST)?;
-        let mut encoder = device.device.create_command_encoder(&Default::default());
-        encoder.copy_buffer_to_buffer(from, 0, &back, 0, bytes);
-        let (done, mapped) = mpsc::channel();
-        encoder.map_buffer_on_submit(&back, wgpu::MapMode::Read, .., move |result| {
-            // Nobody listens where waiting failed.
-            let _ = done.send(result.is_ok());
-        });
-        device.wait(device.queue.submit([encoder.finish()]))?;
-        let unreadable = || GpuError::Failed {
-            name: device.found().name.clone(),
-            why: "its answers cannot be read".to_owned(),
-        };
-        if mapped.try_recv() != Ok(true) {
-            return Err(unreadable());
-        }
-        let view = back.get_mapped_range(..).map_err(|_| unreadable())?;
-        let to: &mut [u8] = bytemuck::cast_slice_mut(into);
-        to.copy_from_slice(&view[..to.len()]);
-        Ok(())
     }
 
     fn pipeline(&self, permutation: TracePermutation) -> Result<wgpu::ComputePipeline, GpuError> {
@@ -340,12 +322,15 @@ impl Tracer {
 }
 
 /// A ray that no stage stumbles over: one that is not finite has no direction, which misses.
-fn packed(ray: &trace::Ray) -> Ray {
+fn packed((number, ray): (u32, &trace::Ray)) -> Ray {
     let finite = ray.origin.is_finite()
         && ray.dir.is_finite()
         && !(ray.time.is_nan() || ray.t_min.is_nan() || ray.t_max.is_nan());
     if !finite {
-        return Ray::default();
+        return Ray {
+            number,
+            ..Ray::default()
+        };
     }
     Ray {
         origin: ray.origin.to_array(),
@@ -353,6 +338,7 @@ fn packed(ray: &trace::Ray) -> Ray {
         dir: ray.dir.to_array(),
         t_max: ray.t_max.clamp(-f32::MAX, f32::MAX),
         time: ray.time.clamp(0.0, 1.0),
+        number,
         ..Ray::default()
     }
 }

@@ -88,26 +88,26 @@ impl Aperture {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Blades {
     /// Where the first corner is, in turns.
-    start: f32,
+    pub start: f32,
     /// For each side, the vector to its middle and from there to its end; already squeezed.
-    sides: Vec<[Vec2; 2]>,
+    pub sides: Vec<[Vec2; 2]>,
     /// None for straight sides.
-    arc: Option<BentSide>,
+    pub arc: Option<BentSide>,
 }
 
 /// A side as an arc, in a frame with x through its middle: (centre + radius cos a, radius sin a),
 /// as factors of the straight side's two vectors.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct BentSide {
+pub struct BentSide {
     /// -(centre) / radius, in [0, 1).
-    eccentricity: f64,
+    pub eccentricity: f64,
     /// The angle at the side's end.
-    half_angle: f64,
+    pub half_angle: f64,
     /// Angle less eccentricity times its sine, at the side's end: twice the area below half of the
     /// arc, over radius^2.
-    half_area: f64,
+    pub half_area: f64,
     /// Radius over the distance of the side's middle, and over half its length.
-    along: DVec2,
+    pub along: DVec2,
 }
 
 impl Blades {

@@ -47,6 +47,11 @@ impl ClippingPlanes {
         Self { planes: out }
     }
 
+    /// Normal and offset of each: points with `normal . p + offset < 0` (camera space) are cut off.
+    pub fn iter(&self) -> impl Iterator<Item = (Vec3, f32)> {
+        self.planes.iter().map(|p| (p.normal, p.offset))
+    }
+
     /// True without planes.
     pub fn is_empty(&self) -> bool {
         self.planes.is_empty()

@@ -173,6 +173,31 @@ impl Camera {
         &self.key_times
     }
 
+    /// How rays leave.
+    pub fn projection(&self) -> Projection {
+        self.projection
+    }
+
+    /// Its opening's shape.
+    pub fn aperture(&self) -> &Aperture {
+        &self.aperture
+    }
+
+    /// Its own planes, beside the clipping range.
+    pub fn planes(&self) -> &ClippingPlanes {
+        &self.planes
+    }
+
+    /// Its poses over the shutter.
+    pub fn poses(&self) -> &Poses {
+        &self.poses
+    }
+
+    /// Width and height of the image in pixels.
+    pub fn resolution(&self) -> [u32; 2] {
+        self.resolution
+    }
+
     /// Camera to world at `time`, rotation and position relative to [`Camera::origin`].
     pub fn pose(&self, time: f32) -> (Mat3, Vec3) {
         self.fixed.unwrap_or_else(|| {

@@ -14,10 +14,13 @@ const PIECES: usize = 16;
 
 /// A corner of the curve, and the integral up to it as a share of the whole.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Corner {
-    time: f64,
-    openness: f64,
-    share: f64,
+pub struct Corner {
+    /// In [0, 1] across the shutter.
+    pub time: f64,
+    /// Of integral 1 across the shutter.
+    pub openness: f64,
+    /// The integral up to here, 0 to 1.
+    pub share: f64,
 }
 
 /// Openness over the shutter, linear between corners, of integral 1.
@@ -42,6 +45,11 @@ impl Opening {
                 None
             }
         }
+    }
+
+    /// Its corners; the first is at 0, the last at 1.
+    pub fn corners(&self) -> &[Corner] {
+        &self.corners
     }
 
     /// The time below which `share` of the openness lies.
@@ -180,6 +188,17 @@ impl Times {
             (last > first).then(|| (opening.clone(), first, last - first))
         });
         Self { window, drawn }
+    }
+
+    /// The part of [0, 1] that times are in.
+    pub fn window(&self) -> [f32; 2] {
+        self.window
+    }
+
+    /// Where times are drawn from an opening: it, its share before the window, and its share within.
+    pub fn drawn(&self) -> Option<(&Opening, f64, f64)> {
+        let (opening, first, span) = self.drawn.as_ref()?;
+        Some((opening, *first, *span))
     }
 
     /// The time for a number in [0, 1); ascends with it.

@@ -9,10 +9,13 @@ use crate::motion::turn::Polar;
 use crate::motion::{Hierarchy, Shutter, TransformError};
 use crate::scene::TransformSamples;
 
+/// A camera's pose at one key.
 #[derive(Clone, Copy, Debug)]
-struct Pose {
-    polar: Polar,
-    translation: DVec3,
+pub struct Pose {
+    /// How it is turned.
+    pub polar: Polar,
+    /// Where it is.
+    pub translation: DVec3,
 }
 
 /// A camera's poses at its keys.
@@ -54,6 +57,11 @@ impl Poses {
     /// Key times in [0, 1].
     pub fn key_times(&self) -> &[f64] {
         &self.key_times
+    }
+
+    /// The pose at each key.
+    pub fn poses(&self) -> &[Pose] {
+        &self.poses
     }
 
     /// Camera to world at `time`.

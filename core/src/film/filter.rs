@@ -75,15 +75,15 @@ pub struct Filter {
 
 /// Part of half the axis in which the running integral is linear.
 #[derive(Clone, Copy, Debug)]
-struct Cell {
+pub struct Cell {
     /// Running integral of |f| at the left end, as a share of the half axis.
-    share: f32,
+    pub share: f32,
     /// Left end, pixels.
-    start: f32,
+    pub start: f32,
     /// Pixels for each unit of share.
-    slope: f32,
+    pub slope: f32,
     /// Sign of f.
-    sign: f32,
+    pub sign: f32,
 }
 
 impl Filter {
@@ -164,6 +164,21 @@ impl Filter {
     /// The diameter, pixels.
     pub fn width(&self) -> f32 {
         self.width
+    }
+
+    /// Half the axis, from the centre out; empty for the box.
+    pub fn cells(&self) -> &[Cell] {
+        &self.table
+    }
+
+    /// Of as many equal shares of the running integral as there are cells, the cell in which each begins.
+    pub fn guide(&self) -> &[u16] {
+        &self.guide
+    }
+
+    /// Magnitude of the weight along one axis.
+    pub fn axis_weight(&self) -> f32 {
+        self.axis_weight
     }
 
     /// The filter at `offset` (pixels from the centre), normalised to an integral of 1; negative in

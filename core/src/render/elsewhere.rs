@@ -1,7 +1,7 @@
-//! Passes whose camera rays are traced elsewhere, on a GPU: everything else is done here, for many tiles at a time.
+//! Passes of which some stages run elsewhere, on a GPU: the others are done here, for many tiles at a time.
 //!
-//! `generate` (here) -> trace (there) -> `shade`, `film` (here). Where tracing fails, the tiles at hand are as they were,
-//! and the render goes on without it.
+//! `generate` (there, or here) -> trace (there) -> `shade`, `film` (here). Where a stage fails, the tiles at hand are as they
+//! were, and the render goes on without it.
 
 use std::sync::Mutex;
 use std::sync::PoisonError;
@@ -9,6 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use rayon::prelude::*;
 
+use super::generate::{Job, TileSamples};
 use super::integrate::Integrator;
 use crate::film::Frame;
 use crate::trace::{Hit, Ray, TraceCounts};
@@ -16,8 +17,29 @@ use crate::trace::{Hit, Ray, TraceCounts};
 /// Rays that are traced together, about.
 const RAYS: usize = 1 << 19;
 
+/// The stages of a sample, in their order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Stage {
+    /// Samples to rays.
+    Generate,
+    /// Rays to hits.
+    Trace,
+}
+
 /// Traces rays against the world of the scene that is rendered.
 pub trait RayTracer: Send + Sync {
+    /// The first stage that it takes over.
+    fn first_stage(&self) -> Stage {
+        Stage::Trace
+    }
+
+    /// The nearest hit of each ray of tiles, in the order of [`Generator::draw_tile`](super::Generator::draw_tile); asked
+    /// only where its first stage is [`Stage::Generate`].
+    ///
+    /// # Errors
+    /// As [`RayTracer::trace`].
+    fn trace_tiles(&self, tiles: &[TileSamples], hits: &mut [Hit]) -> Result<(), String>;
+
     /// The nearest hit of each ray, as [`World::trace`](crate::trace::World::trace) gives it, but for rounding.
     ///
     /// # Errors
@@ -92,12 +114,26 @@ impl<'a> Elsewhere<'a> {
         target: u32,
         done: &(dyn Fn(u32) + Sync),
     ) -> TraceCounts {
-        let drawn = tiles.par_iter();
-        let drawn = drawn.map(|&i| integrator.draw_tile(&frame.tile(i), target));
-        let drawn: Vec<_> = drawn.collect();
-        let rays: Vec<Ray> = drawn.iter().flatten().map(|(_, job)| job.ray).collect();
-        let mut hits = vec![Hit::MISS; rays.len()];
-        if let Err(why) = self.tracer.trace(&rays, &mut hits) {
+        let samples = |&i: &usize| TileSamples::of(&frame.tile(i), target);
+        let samples: Vec<TileSamples> = tiles.iter().map(samples).collect();
+        let mut hits = vec![Hit::MISS; samples.iter().map(TileSamples::len).sum()];
+        let draw = || -> Vec<Vec<(usize, Job)>> {
+            let drawn = samples.par_iter();
+            drawn
+                .map(|samples| integrator.generator().draw_tile(samples))
+                .collect()
+        };
+        let (drawn, traced) = match self.tracer.first_stage() {
+            // Shading looks at rays too: they are drawn here as well, meanwhile.
+            Stage::Generate => rayon::join(draw, || self.tracer.trace_tiles(&samples, &mut hits)),
+            Stage::Trace => {
+                let drawn = draw();
+                let rays: Vec<Ray> = drawn.iter().flatten().map(|(_, job)| job.ray).collect();
+                let traced = self.tracer.trace(&rays, &mut hits);
+                (drawn, traced)
+            }
+        };
+        if let Err(why) = traced {
             self.why
                 .lock()
                 .unwrap_or_else(PoisonError::into_inner)

@@ -3,15 +3,11 @@
 //! Rays are traced in packets from one small pixel block, near each other in time. Transparent surfaces
 //! are composited front to back by asking for the next hit after the last, up to [`MAX_LAYERS`].
 
-use std::ops::Range;
+use glam::Vec3;
 
-use glam::{Vec2, Vec3};
-
+use super::generate::{Generator, Job, TileSamples};
 use super::prepared::Prepared;
-use crate::camera::opening::Times;
-use crate::film::filter::Filter;
 use crate::film::tile::{FirstHit, Keeps, PrimvarSample, Sample, Tile};
-use crate::sample::PixelSampler;
 use crate::shade::{ChannelAccess, camera_light_irradiance, camera_lit};
 use crate::trace::packet::PACKET;
 use crate::trace::{Hit, Ray, TraceCounts};
@@ -20,37 +16,16 @@ use crate::trace::{Hit, Ray, TraceCounts};
 pub const MAX_LAYERS: usize = 64;
 /// Transmittance below which what lies behind cannot be seen: less than half a step of 10 bits.
 const LEAST_TRANSMITTANCE: f32 = 1.0 / 2048.0;
-/// Side of the pixel block whose rays are traced together, where each instant has few of them.
-const BLOCK: u32 = 8;
-/// The same where four samples of each pixel fill a packet.
-const SMALL_BLOCK: u32 = 4;
-
 /// What all tiles of a render share.
 pub(super) struct Integrator<'a> {
     prepared: &'a Prepared,
-    sampler: PixelSampler,
-    filter: Filter,
-    times: Times,
+    generator: Generator<'a>,
     keeps: Keeps,
     irradiance: f32,
 }
 
-/// One camera sample on its way.
-#[derive(Clone, Copy)]
-pub(super) struct Job {
-    pub ray: Ray,
-    weight: f32,
-    distance2: f32,
-}
-
 impl<'a> Integrator<'a> {
     pub fn new(prepared: &'a Prepared, keeps: Keeps) -> Self {
-        let settings = &prepared.settings;
-        let width = if settings.filter_width > 0.0 {
-            settings.filter_width
-        } else {
-            settings.filter.default_width()
-        };
         let irradiance = if prepared.plan.camera_light {
             camera_light_irradiance()
         } else {
@@ -58,9 +33,7 @@ impl<'a> Integrator<'a> {
         };
         Self {
             prepared,
-            sampler: PixelSampler::new(settings.samples, settings.seed),
-            filter: Filter::new(settings.filter, width),
-            times: Times::new(prepared.camera.opening(), settings.time_window),
+            generator: Generator::new(prepared),
             keeps,
             irradiance: irradiance * prepared.camera.exposure_scale(),
         }
@@ -88,12 +61,12 @@ impl<'a> Integrator<'a> {
         target: u32,
         counts: &mut TraceCounts,
     ) {
-        let range = tile.samples..target;
+        let drawn = TileSamples::of(tile, target);
         let mut primvars = PrimvarSample::new(self.keeps);
         let (mut jobs, mut found) = (Vec::new(), Vec::new());
-        for block in self.blocks(tile, &range) {
+        for block in self.generator.blocks(&drawn) {
             jobs.clear();
-            self.draw_block(tile, block, &range, &mut jobs);
+            self.generator.draw_block(&drawn, block, &mut jobs);
             self.trace::<CULL>(&jobs, &mut found);
             let found = found.iter().copied();
             self.film::<MATTE, CULL>(tile, &jobs, found, &mut primvars, counts);
@@ -101,14 +74,9 @@ impl<'a> Integrator<'a> {
         tile.samples = target;
     }
 
-    /// What [`Self::fill`] traces to bring `tile` to `target`, in its order.
-    pub fn draw_tile(&self, tile: &Tile, target: u32) -> Vec<(usize, Job)> {
-        let range = tile.samples..target;
-        let mut jobs = Vec::new();
-        for block in self.blocks(tile, &range) {
-            self.draw_block(tile, block, &range, &mut jobs);
-        }
-        jobs
+    /// Draws the rays that [`Self::fill`] traces, in its order.
+    pub fn generator(&self) -> &Generator<'a> {
+        &self.generator
     }
 
     /// The rest of [`Self::fill`], for scenes without culled sides: `hits` are what the jobs met first, as traced
@@ -142,21 +110,6 @@ impl<'a> Integrator<'a> {
         tile.samples = target;
     }
 
-    /// Blocks of pixels `[x0, y0, x1, y1]` whose rays are drawn together.
-    fn blocks(&self, tile: &Tile, range: &Range<u32>) -> impl Iterator<Item = [u32; 4]> + use<> {
-        let size = if range.len() >= 4 && !self.prepared.plan.has_time() {
-            SMALL_BLOCK
-        } else {
-            BLOCK
-        };
-        let (width, height) = (tile.width, tile.height);
-        let rows = (0..height).step_by(size as usize);
-        rows.flat_map(move |y| {
-            let columns = (0..width).step_by(size as usize);
-            columns.map(move |x| [x, y, (x + size).min(width), (y + size).min(height)])
-        })
-    }
-
     /// Shades and films what was traced, in the order of samples: sums have the same bits whatever was traced
     /// together.
     fn film<const MATTE: bool, const CULL: bool>(
@@ -176,50 +129,6 @@ impl<'a> Integrator<'a> {
                 tile.add_primvars(*slot, hit, is_point);
             }
             *counts = *counts + own;
-        }
-    }
-
-    /// Draws the samples `range` of a block, for the effects that are called for.
-    fn draw_block(
-        &self,
-        tile: &Tile,
-        block: [u32; 4],
-        range: &Range<u32>,
-        jobs: &mut Vec<(usize, Job)>,
-    ) {
-        let plan = &self.prepared.plan;
-        match (plan.has_lens(), plan.has_time()) {
-            (false, false) => self.draw::<false, false>(tile, block, range, jobs),
-            (true, false) => self.draw::<true, false>(tile, block, range, jobs),
-            (false, true) => self.draw::<false, true>(tile, block, range, jobs),
-            (true, true) => self.draw::<true, true>(tile, block, range, jobs),
-        }
-    }
-
-    /// Draws the samples `range` of the pixels `[x0, y0, x1, y1]` of `tile`, sample by sample: their slots, and
-    /// rays. What is not drawn takes no time.
-    fn draw<const LENS: bool, const TIME: bool>(
-        &self,
-        tile: &Tile,
-        [x0, y0, x1, y1]: [u32; 4],
-        range: &Range<u32>,
-        jobs: &mut Vec<(usize, Job)>,
-    ) {
-        let pixels: Vec<_> = (y0..y1)
-            .flat_map(|y| (x0..x1).map(move |x| (x, y)))
-            .map(|(x, y)| {
-                let pixel = [tile.x + x as i32, tile.y + y as i32];
-                // Pixels left of the image and above it have numbers of their own too.
-                let number = pixel.map(i32::cast_unsigned);
-                let pattern = self.sampler.pixel_of::<LENS, TIME>(number);
-                ((y * tile.width + x) as usize, pixel, pattern)
-            })
-            .collect();
-        for index in range.clone() {
-            for (slot, pixel, pattern) in &pixels {
-                let drawn = pattern.sample_of::<LENS, TIME>(index);
-                jobs.push((*slot, self.generate::<LENS, TIME>(*pixel, drawn)));
-            }
         }
     }
 
@@ -255,33 +164,6 @@ impl<'a> Integrator<'a> {
             for (lane, &i) in order.iter().enumerate() {
                 found[i as usize] = (hits[lane], counts[lane]);
             }
-        }
-    }
-
-    /// The ray of a sample whose pixel, lens and time were drawn jointly.
-    fn generate<const LENS: bool, const TIME: bool>(
-        &self,
-        pixel: [i32; 2],
-        drawn: [f32; 5],
-    ) -> Job {
-        let camera = &self.prepared.camera;
-        let [x, y, u, v, time] = drawn;
-        let (offset, weight) = self.filter.sample(x, y);
-        let centre = Vec2::new(pixel[0] as f32 + 0.5, pixel[1] as f32 + 0.5);
-        let time = if TIME { self.times.at(time) } else { 0.0 };
-        let ray = if LENS {
-            let lens = match self.prepared.settings.lens_point {
-                Some([u, v]) => Vec2::new(u, v),
-                None => camera.lens_point(u, v),
-            };
-            camera.ray(centre + offset, lens, time)
-        } else {
-            camera.pinhole_ray(centre + offset, time)
-        };
-        Job {
-            ray,
-            weight,
-            distance2: offset.length_squared(),
         }
     }
 

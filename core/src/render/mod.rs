@@ -8,6 +8,7 @@ mod ahead;
 mod chains;
 mod clusters;
 mod elsewhere;
+mod generate;
 mod given;
 mod instances;
 mod integrate;
@@ -23,7 +24,8 @@ mod shape;
 
 pub use crate::film::{Frame, FrameError};
 pub use ahead::Ahead;
-pub use elsewhere::{Elsewhere, RayTracer};
+pub use elsewhere::{Elsewhere, RayTracer, Stage};
+pub use generate::{Generator, Job, TileSamples, block_size};
 pub use passes::{RenderControl, RenderStatistics, render, render_with};
 pub(crate) use prepare::resolve_shutter;
 pub use prepare::{Preparation, PrepareError, prepare, prepare_with};

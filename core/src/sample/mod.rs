@@ -132,6 +132,34 @@ impl PixelSampler {
         self.samples_per_pixel
     }
 
+    /// What all pixels' seeds are made of.
+    pub fn seed(&self) -> u64 {
+        self.seed
+    }
+
+    /// Digits in base 4 that are scrambled: those of a net's numbers; 0 for Sobol, whose bits are.
+    pub fn digits(&self) -> u32 {
+        match self.kind {
+            PatternKind::Sobol => 0,
+            PatternKind::Net => self.index_bits / 2,
+        }
+    }
+
+    /// Point `index` of the set before it is scrambled, bits reversed: the same for all pixels. An index past the count of
+    /// a net has none.
+    #[inline]
+    pub fn word(&self, mut index: u32) -> [u32; DIMS] {
+        let mut word = [0; DIMS];
+        for table in &self.nibbles {
+            if index == 0 {
+                break;
+            }
+            xor(&mut word, &table[(index & 15) as usize]);
+            index >>= 4;
+        }
+        word
+    }
+
     /// The pattern of one pixel. Making it costs about as much as a few samples: keep it for all samples of the
     /// pixel.
     pub fn pixel(&self, pixel: [u32; 2]) -> PixelPattern<'_> {
@@ -172,7 +200,7 @@ impl PixelSampler {
             let random = mix64(state);
             let factors = match self.kind {
                 PatternKind::Sobol => DigitFactors::default(),
-                PatternKind::Net => DigitFactors::draw(mix64(random ^ STEP), self.index_bits / 2),
+                PatternKind::Net => DigitFactors::draw(mix64(random ^ STEP), self.digits()),
             };
             Scramble {
                 seed: random as u32,
@@ -229,7 +257,7 @@ impl PixelPattern<'_> {
     #[inline]
     pub fn sample_of<const LENS: bool, const TIME: bool>(&self, index: u32) -> [f32; DIMS] {
         let (epoch, index) = self.split(index);
-        let word = self.word(index);
+        let word = self.sampler.word(index);
         if epoch == 0 {
             self.finish::<LENS, TIME>(&word, &self.scrambles)
         } else {
@@ -242,7 +270,7 @@ impl PixelPattern<'_> {
     /// bits as [`Self::sample`], faster.
     pub fn fill(&self, first: u32, out: &mut [[f32; DIMS]]) {
         let (mut epoch, mut index) = self.split(first);
-        let mut word = self.word(index);
+        let mut word = self.sampler.word(index);
         let mut scrambles = if epoch == 0 {
             self.scrambles
         } else {
@@ -271,20 +299,6 @@ impl PixelPattern<'_> {
         } else {
             (index >> bits, index & ((1 << bits) - 1))
         }
-    }
-
-    /// The unscrambled point, bits reversed.
-    #[inline]
-    fn word(&self, mut index: u32) -> [u32; DIMS] {
-        let mut word = [0; DIMS];
-        for table in &self.sampler.nibbles {
-            if index == 0 {
-                break;
-            }
-            xor(&mut word, &table[(index & 15) as usize]);
-            index >>= 4;
-        }
-        word
     }
 
     #[inline]

@@ -6,7 +6,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use glam::DVec3;
-use hdtrapeze_core::render::{Elsewhere, Frame, Prepared, RayTracer, RenderControl, render_with};
+use hdtrapeze_core::render::{
+    Elsewhere, Frame, Generator, Prepared, RayTracer, RenderControl, Stage, TileSamples,
+    render_with,
+};
 use hdtrapeze_core::scene::{Cull, Interpolation, PrimvarDesc, RenderSettings, Scene};
 use hdtrapeze_core::trace::{Hit, Ray, TraceCounts};
 use hidden::{ball, bits, placed, prepared, rendered, scene, sheet, with_culling};
@@ -14,11 +17,23 @@ use hidden::{ball, bits, placed, prepared, rendered, scene, sheet, with_culling}
 /// The CPU, in a GPU's place: fails at call number `fails`.
 struct Standin<'a> {
     prepared: &'a Prepared,
+    first: Stage,
     calls: AtomicU32,
     fails: u32,
 }
 
 impl RayTracer for Standin<'_> {
+    fn first_stage(&self) -> Stage {
+        self.first
+    }
+
+    fn trace_tiles(&self, tiles: &[TileSamples], hits: &mut [Hit]) -> Result<(), String> {
+        let generator = Generator::new(self.prepared);
+        let drawn = tiles.iter().flat_map(|tile| generator.draw_tile(tile));
+        let rays: Vec<Ray> = drawn.map(|(_, job)| job.ray).collect();
+        self.trace(&rays, hits)
+    }
+
     fn trace(&self, rays: &[Ray], hits: &mut [Hit]) -> Result<(), String> {
         if self.calls.fetch_add(1, Ordering::Relaxed) >= self.fails {
             hits.fill(Hit::MISS);
@@ -51,11 +66,12 @@ fn stage() -> Scene {
 }
 
 /// The image, how often the tracer was asked, and why it failed, if it did.
-fn traced_elsewhere(prepared: &Prepared, fails: u32) -> (Frame, u32, Option<String>) {
+fn traced_elsewhere(prepared: &Prepared, first: Stage, fails: u32) -> (Frame, u32, Option<String>) {
     let settings = prepared.settings();
     let frame = Frame::new(settings.resolution, None, prepared.aovs()).expect("a film");
     let standin = Standin {
         prepared,
+        first,
         calls: AtomicU32::new(0),
         fails,
     };
@@ -76,10 +92,12 @@ fn traced_elsewhere(prepared: &Prepared, fails: u32) -> (Frame, u32, Option<Stri
 fn the_image_is_the_same_wherever_rays_are_traced() {
     let prepared = prepared(&stage(), None);
     let here = bits(&rendered(&prepared).0);
-    let (frame, calls, fault) = traced_elsewhere(&prepared, u32::MAX);
-    // Passes of 1, 1, 2, 4 and 1 samples.
-    assert_eq!((calls, fault), (5, None));
-    assert!(bits(&frame) == here);
+    for first in [Stage::Generate, Stage::Trace] {
+        let (frame, calls, fault) = traced_elsewhere(&prepared, first, u32::MAX);
+        // Passes of 1, 1, 2, 4 and 1 samples.
+        assert_eq!((calls, fault), (5, None));
+        assert!(bits(&frame) == here, "from {first:?} on");
+    }
 }
 
 #[test]
@@ -87,7 +105,8 @@ fn samples_that_were_taken_stay_when_it_fails() {
     let prepared = prepared(&stage(), None);
     let here = bits(&rendered(&prepared).0);
     for fails in [0, 1, 3, 4] {
-        let (frame, calls, fault) = traced_elsewhere(&prepared, fails);
+        let first = [Stage::Generate, Stage::Trace][fails as usize % 2];
+        let (frame, calls, fault) = traced_elsewhere(&prepared, first, fails);
         // It is not asked again.
         assert_eq!(calls, fails + 1);
         assert_eq!(fault.as_deref(), Some("it is lost"));
@@ -101,7 +120,7 @@ fn culled_sides_are_traced_here() {
     Arc::make_mut(&mut stage.settings).cull = Cull::Back;
     let prepared = prepared(&stage, None);
     let here = bits(&rendered(&prepared).0);
-    let (frame, calls, _) = traced_elsewhere(&prepared, u32::MAX);
+    let (frame, calls, _) = traced_elsewhere(&prepared, Stage::Generate, u32::MAX);
     assert_eq!(calls, 0);
     assert!(bits(&frame) == here);
 }

@@ -1,7 +1,9 @@
 //! The text of each stage: what it needs, one after the other, with what its permutation fixes.
 
+mod generate;
 mod trace;
 
+pub use generate::{GENERATE_SQUARE, GeneratePermutation, LensKind, TimeKind};
 pub use trace::{STACKS, TRACE_WORKGROUP, TracePermutation};
 
 #[cfg(test)]

@@ -22,6 +22,12 @@ struct Ray {
     t_max: f32,
     // In [0, 1] across the shutter.
     time: f32,
+    // Where its hit goes.
+    number: u32,
+    // Filter weight of its sample, mean 1.
+    weight: f32,
+    // Squared distance of its sample from the pixel's centre, pixels.
+    distance2: f32,
 }
 
 // The nearest micropolygon along a ray.
@@ -88,4 +94,87 @@ struct TraceLaunch {
     radius: f32,
     // Pad of slab tests against the tree over instances, per unit of distance from the world's origin.
     pad: f32,
+}
+
+// A camera and what is drawn for it, as camera.wgsl uses it. Places are words of `tables`.
+struct Camera {
+    // Camera to world, of one that stands still.
+    column_x: vec4<f32>,
+    column_y: vec4<f32>,
+    column_z: vec4<f32>,
+    place: vec4<f32>,
+    // Of bent blades: 1 - eccentricity, eccentricity, half angle, half area. The half angle of straight ones is 0.
+    arc: vec4<f32>,
+    // Radius of the arc over the distance of the side's middle, and over half its length.
+    arc_along: vec2<f32>,
+    // Of the lens' opening, in units of its radius; and what is added.
+    half_axes: vec2<f32>,
+    lens_offset: vec2<f32>,
+    // Top left corner of the window, and its size.
+    corner: vec2<f32>,
+    window_size: vec2<f32>,
+    // Pixels.
+    resolution: vec2<f32>,
+    // Near and far.
+    clipping: vec2<f32>,
+    // The part of [0, 1] that times are in.
+    time_window: vec2<f32>,
+    // Of all patterns; the lower word first.
+    seed: vec2<u32>,
+    // Digits of a net's numbers.
+    digits: u32,
+    // 1: rays leave side by side.
+    orthographic: u32,
+    lens_radius: f32,
+    focus_distance: f32,
+    // Where the first blade begins, in turns.
+    blade_start: f32,
+    // Share of the shutter's opening that 2^-24 of a number is.
+    curve_step: f32,
+    // Pixels.
+    filter_width: f32,
+    // Magnitude of the weight along one axis.
+    filter_weight: f32,
+    // 0 for the box.
+    filter_cells: u32,
+    // Cells, and the cell in which each share begins.
+    filter_table: u32,
+    filter_guide: u32,
+    // Pieces of the shutter's curve; none where it is open evenly.
+    curve: u32,
+    curve_pieces: u32,
+    // Blades, and the two vectors of each.
+    blades: u32,
+    blade_sides: u32,
+    // Keys of the path.
+    keys: u32,
+    key_count: u32,
+    // Clipping planes in camera space: normals and offsets.
+    planes: u32,
+    plane_count: u32,
+}
+
+// Samples of the pixels of a tile.
+struct TileSamples {
+    // Left and top pixel.
+    x: i32,
+    y: i32,
+    width: u32,
+    height: u32,
+    // Number of the first sample, and how many there are.
+    first_sample: u32,
+    count: u32,
+    // Number of the first ray.
+    first_ray: u32,
+    // Side of the blocks of pixels that rays are numbered by.
+    block: u32,
+}
+
+// What a launch of the stage `generate` works on.
+struct GenerateLaunch {
+    // Workgroups in a row: launches wider than a device allows have several rows.
+    row: u32,
+    tile_count: u32,
+    // The sample that the first of `words` are of.
+    first_sample: u32,
 }

@@ -102,14 +102,14 @@ fn trace(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_inde
     let ray = rays[index];
     var best = Hit(ray.t_max, 0.0, 0.0, NONE, 0u, 0u);
     if launch.page > 0u {
-        best = hits[index];
+        best = hits[ray.number];
     }
     if launch.root != EMPTY && ray.t_min <= ray.t_max {
-        tell(index, walk(ray, &best));
+        tell(ray.number, walk(ray, &best));
     } else {
-        tell(index, vec2<u32>(0u));
+        tell(ray.number, vec2<u32>(0u));
     }
-    hits[index] = best;
+    hits[ray.number] = best;
 }
 
 // Gives the nodes opened and the micropolygons tested.

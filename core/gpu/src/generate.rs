@@ -1,0 +1,357 @@
+//! The stage `generate` on a device: camera rays of tiles, in the numbers and the order of core's
+//! [`Generator`], without any that crosses the bus.
+//!
+//! Samples have the bits of core's. What core computes in f32 is computed here in the same way; where it uses f64 for
+//! each ray, the host prepares numbers with which f32 does:
+//!
+//! - shutter curves: numbers are 24 bits and stay whole, distances from a piece's darker end are exact, and nothing cancels;
+//! - poses: each turn is given by two quaternions at right angles and its angle, places are relative to the camera's;
+//! - bent blades: Kepler's equation in a form that does not cancel.
+//!
+//! What is left is some roundings in time, lens point and direction; the tests state how many. A lens that changes while the
+//! shutter is open is not known here: its window is made of seven numbers a ray, in f64, and rare.
+
+use std::collections::HashMap;
+use std::f64::consts::FRAC_PI_2;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use glam::{DVec4, Vec2};
+use hdtrapeze_core::camera::aperture::Aperture;
+use hdtrapeze_core::camera::opening::Times;
+use hdtrapeze_core::camera::pose::Poses;
+use hdtrapeze_core::film::frame::TILE_SIZE;
+use hdtrapeze_core::render::{Generator, TileSamples, block_size};
+use hdtrapeze_core::sample::PixelSampler;
+use hdtrapeze_core::scene::Projection;
+use hdtrapeze_shaders::layout::{self, Camera, GenerateLaunch, Ray};
+use hdtrapeze_shaders::stage::{GENERATE_SQUARE, GeneratePermutation, LensKind, TimeKind};
+use wgpu::BufferUsages as Usage;
+
+use super::kernel::{Binding, Kernel, rows};
+use super::{Device, GpuError};
+
+/// Steps of a number in [0, 1).
+const NUMBERS: f64 = 16_777_216.0;
+/// Largest rate of opening: f32 holds its products.
+const STEEPEST: f64 = 1.0e30;
+
+// A workgroup's squares make up a tile.
+const _: () = assert!(GENERATE_SQUARE[0] * GENERATE_SQUARE[1] == TILE_SIZE);
+
+/// A camera and what is drawn for it, on a device.
+#[derive(Debug)]
+pub struct GpuCamera {
+    /// What the stage `generate` needs for it.
+    pub permutation: GeneratePermutation,
+    camera: wgpu::Buffer,
+    tables: wgpu::Buffer,
+    sampler: PixelSampler,
+    /// Samples have times.
+    has_time: bool,
+}
+
+/// Draws camera rays on a device.
+#[derive(Debug)]
+pub struct RayMaker {
+    device: Arc<Device>,
+    kernels: Mutex<HashMap<GeneratePermutation, Arc<Kernel>>>,
+}
+
+/// Rays on a device.
+#[derive(Debug)]
+pub struct Drawn {
+    /// They, as the stage `trace` reads them.
+    pub rays: wgpu::Buffer,
+    /// How many.
+    pub len: usize,
+    /// Seconds that the device took, where it was asked and can tell.
+    pub seconds: Option<f64>,
+}
+
+impl GpuCamera {
+    /// Lays out what `generator` draws with.
+    ///
+    /// # Errors
+    /// Its lens changes while the shutter is open; or the device has no memory.
+    pub fn new(device: &Device, generator: &Generator<'_>) -> Result<Self, GpuError> {
+        if generator.camera.lens_changes() {
+            let what = "a lens that changes while the shutter is open".to_owned();
+            return Err(GpuError::Unsupported(what));
+        }
+        let mut tables = Tables::default();
+        let (camera, permutation) = tables.camera(generator);
+        let usage = Usage::UNIFORM | Usage::COPY_DST;
+        let there = device.buffer("camera", size_of::<Camera>() as u64, usage)?;
+        let bytes = bytemuck::bytes_of(&camera);
+        device.queue.write_buffer(&there, 0, bytes);
+        Ok(Self {
+            permutation,
+            camera: there,
+            tables: device.upload("tables", bytemuck::cast_slice(&tables.words))?,
+            sampler: generator.sampler.clone(),
+            has_time: generator.has_time,
+        })
+    }
+}
+
+impl RayMaker {
+    /// For this device.
+    pub fn new(device: Arc<Device>) -> Self {
+        Self {
+            device,
+            kernels: Mutex::default(),
+        }
+    }
+
+    /// Draws the rays of tiles, one tile's after the other's, each numbered as [`Generator::draw_tile`] orders them.
+    ///
+    /// # Errors
+    /// They are more than the device takes at once, or it is lost.
+    pub fn draw(
+        &self,
+        camera: &GpuCamera,
+        tiles: &[TileSamples],
+        timed: bool,
+    ) -> Result<Drawn, GpuError> {
+        let device = &*self.device;
+        device.check()?;
+        let first_sample = tiles.iter().map(|tile| tile.samples.start).min();
+        let end_sample = tiles.iter().map(|tile| tile.samples.end).max();
+        let samples = first_sample.unwrap_or(0)..end_sample.unwrap_or(0);
+        let words: Vec<[u32; 5]> = samples.clone().map(|i| camera.sampler.word(i)).collect();
+        let mut len = 0;
+        let packed = tiles.iter().map(|tile| {
+            let first = len;
+            len += tile.len();
+            layout::TileSamples {
+                x: tile.x,
+                y: tile.y,
+                width: tile.width,
+                height: tile.height,
+                first_sample: tile.samples.start,
+                count: tile.samples.len() as u32,
+                first_ray: first as u32,
+                block: block_size(tile.samples.len(), camera.has_time),
+            }
+        });
+        let packed: Vec<layout::TileSamples> = packed.collect();
+        let squares = (tiles.len() as u32) * GENERATE_SQUARE[1] * GENERATE_SQUARE[1];
+        let launch = GenerateLaunch {
+            row: rows(device, squares)[0],
+            tile_count: tiles.len() as u32,
+            first_sample: samples.start,
+        };
+        let usage = Usage::UNIFORM | Usage::COPY_DST;
+        let launch_there = device.buffer("launch", 16, usage)?;
+        let bytes = bytemuck::bytes_of(&launch);
+        device.queue.write_buffer(&launch_there, 0, bytes);
+        let bytes = (len.max(1) * size_of::<Ray>()) as u64;
+        let rays = device.buffer("rays", bytes, Usage::STORAGE | Usage::COPY_SRC)?;
+        let words = device.upload("samples", bytemuck::cast_slice(&words))?;
+        let packed = device.upload("tiles", bytemuck::cast_slice(&packed))?;
+        let kernel = self.kernel(camera.permutation)?;
+        let seconds = kernel
+            .launch(
+                device,
+                &[
+                    &[&camera.camera, &camera.tables],
+                    &[&words, &packed, &launch_there, &rays],
+                ],
+                squares,
+            )
+            .run(device, timed)?;
+        Ok(Drawn { rays, len, seconds })
+    }
+
+    fn kernel(&self, permutation: GeneratePermutation) -> Result<Arc<Kernel>, GpuError> {
+        let known = &mut *self.kernels.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(kernel) = known.get(&permutation) {
+            return Ok(Arc::clone(kernel));
+        }
+        let groups: [&[Binding]; 2] = [
+            &[Binding::Uniform, Binding::Read],
+            &[
+                Binding::Read,
+                Binding::Read,
+                Binding::Uniform,
+                Binding::Write,
+            ],
+        ];
+        let source = permutation.source();
+        let kernel = Kernel::new(&self.device, "generate", &source, &groups)?;
+        let kernel = Arc::new(kernel);
+        known.insert(permutation, Arc::clone(&kernel));
+        Ok(kernel)
+    }
+}
+
+/// The words that a camera's places are in.
+#[derive(Default)]
+struct Tables {
+    words: Vec<u32>,
+}
+
+impl Tables {
+    fn here(&self) -> u32 {
+        self.words.len() as u32
+    }
+
+    fn numbers(&mut self, numbers: impl IntoIterator<Item = f32>) {
+        self.words.extend(numbers.into_iter().map(f32::to_bits));
+    }
+
+    fn camera(&mut self, generator: &Generator<'_>) -> (Camera, GeneratePermutation) {
+        let camera = generator.camera;
+        let lens = camera.lens(0.0);
+        let (rotation, place) = camera.pose(0.0);
+        let column = |v: glam::Vec3| v.extend(0.0).to_array();
+        let top_left = lens.window.point(Vec2::ZERO);
+        let seed = generator.sampler.seed();
+        let mut out = Camera {
+            column_x: column(rotation.x_axis),
+            column_y: column(rotation.y_axis),
+            column_z: column(rotation.z_axis),
+            place: column(place),
+            corner: top_left.to_array(),
+            window_size: lens.window.size().to_array(),
+            resolution: camera.resolution().map(|x| x as f32),
+            clipping: camera.clipping(),
+            time_window: generator.times.window(),
+            seed: [seed as u32, (seed >> 32) as u32],
+            digits: generator.sampler.digits(),
+            orthographic: (camera.projection() == Projection::Orthographic).into(),
+            lens_radius: lens.radius,
+            focus_distance: lens.focus_distance,
+            ..Camera::default()
+        };
+        self.filter(generator, &mut out);
+        if generator.has_time {
+            self.times(&generator.times, &mut out);
+        }
+        let moves = generator.has_time && camera.poses().is_moving();
+        if moves {
+            self.poses(camera.poses(), generator, &mut out);
+        }
+        out.planes = self.here();
+        for (normal, offset) in camera.planes().iter() {
+            self.numbers(normal.extend(offset).to_array());
+            out.plane_count += 1;
+        }
+        let lens = match generator.has_lens {
+            false => LensKind::Pinhole,
+            true => self.lens(generator, &mut out),
+        };
+        let time = match (generator.has_time, moves) {
+            (false, _) => TimeKind::Still,
+            (true, false) => TimeKind::Time,
+            (true, true) => TimeKind::CameraMoves,
+        };
+        let net = out.digits > 0;
+        (out, GeneratePermutation { net, lens, time })
+    }
+
+    fn filter(&mut self, generator: &Generator<'_>, out: &mut Camera) {
+        let filter = &generator.filter;
+        out.filter_width = filter.width();
+        out.filter_weight = filter.axis_weight();
+        out.filter_cells = filter.cells().len() as u32;
+        out.filter_table = self.here();
+        for cell in filter.cells() {
+            self.numbers([cell.share, cell.start, cell.slope, cell.sign]);
+        }
+        out.filter_guide = self.here();
+        self.words
+            .extend(filter.guide().iter().copied().map(u32::from));
+    }
+
+    /// Pieces of the shutter's curve, as `time_of` of `camera.wgsl` reads them.
+    fn times(&mut self, times: &Times, out: &mut Camera) {
+        out.curve = self.here();
+        let Some((opening, first, span)) = times.drawn() else {
+            return;
+        };
+        out.curve_step = (span / NUMBERS) as f32;
+        let [open, close] = times.window().map(f64::from);
+        for corners in opening.corners().windows(2) {
+            let (a, b) = (&corners[0], &corners[1]);
+            let slope = (b.openness - a.openness) / (b.time - a.time);
+            // The part of it that is in the window: time, openness and number of its ends.
+            let end = |time: f64| {
+                let passed = time - a.time;
+                let share = a.share + passed * (a.openness + 0.5 * slope * passed);
+                let number = (share - first) / span * NUMBERS;
+                (
+                    time,
+                    a.openness + slope * passed,
+                    number.clamp(0.0, NUMBERS),
+                )
+            };
+            let (from, to) = (a.time.max(open), b.time.min(close));
+            if from >= to {
+                continue;
+            }
+            let (start, stop) = (end(from), end(to));
+            let begin = start.2.ceil() as u32;
+            let (dark, direction) = match stop.1 < start.1 {
+                true => (stop, -1.0),
+                false => (start, 1.0),
+            };
+            self.words.extend([begin, dark.2.floor() as u32]);
+            let steepness = slope.abs().min(STEEPEST);
+            let numbers = [dark.2.fract(), dark.0, direction, dark.1, steepness];
+            self.numbers(numbers.map(|x| x as f32));
+            out.curve_pieces += 1;
+        }
+    }
+
+    /// Keys of the camera's path, as `posed` of `camera.wgsl` reads them.
+    fn poses(&mut self, poses: &Poses, generator: &Generator<'_>, out: &mut Camera) {
+        out.keys = self.here();
+        let origin = generator.camera.origin();
+        let poses_at = poses.poses();
+        for (i, (pose, time)) in poses_at.iter().zip(poses.key_times()).enumerate() {
+            let here = DVec4::from(pose.polar.rotation);
+            let next = poses_at.get(i + 1).unwrap_or(pose);
+            let mut to = DVec4::from(next.polar.rotation);
+            // The shorter way.
+            if here.dot(to) < 0.0 {
+                to = -to;
+            }
+            let across = to - here * here.dot(to);
+            let angle = across.length().atan2(here.dot(to)).clamp(0.0, FRAC_PI_2);
+            self.numbers([*time as f32]);
+            self.numbers(here.as_vec4().to_array());
+            self.numbers(across.normalize_or_zero().as_vec4().to_array());
+            self.numbers([angle as f32]);
+            self.numbers(pose.polar.stretch.as_mat3().to_cols_array());
+            self.numbers((pose.translation - origin).as_vec3().to_array());
+            out.key_count += 1;
+        }
+    }
+
+    fn lens(&mut self, generator: &Generator<'_>, out: &mut Camera) -> LensKind {
+        if let Some(point) = generator.lens_point {
+            out.lens_offset = point;
+            return LensKind::Round;
+        }
+        match generator.camera.aperture() {
+            Aperture::Round => out.half_axes = [1.0; 2],
+            Aperture::Oval(half_axes) => out.half_axes = half_axes.to_array(),
+            Aperture::Blades(blades) => {
+                out.blades = blades.sides.len() as u32;
+                out.blade_start = blades.start;
+                out.blade_sides = self.here();
+                for [middle, end] in &blades.sides {
+                    self.numbers([middle.x, middle.y, end.x, end.y]);
+                }
+                if let Some(arc) = &blades.arc {
+                    let e = arc.eccentricity;
+                    out.arc = [1.0 - e, e, arc.half_angle, arc.half_area].map(|x| x as f32);
+                    out.arc_along = arc.along.as_vec2().to_array();
+                }
+                return LensKind::Blades;
+            }
+        }
+        LensKind::Round
+    }
+}

@@ -1,0 +1,258 @@
+// Filter, shutter, lens and pose: twins of core's film/filter.rs and of its camera, in f32.
+//
+// Core computes shutter curves, arcs of blades and poses in f64. Here each is put so that nothing cancels, with what
+// the host rounds once: a result is off by a few roundings of its own size. Sines and cosines are polynomials: what WGSL
+// asks of its own is too little for a ray. Tables stand in `tables`, as words; places in it are those of `camera`.
+
+const QUARTER_PI: f32 = 0.7853981633974483;
+// Farther than any range that is clipped.
+const FAR: f32 = 2.0e30;
+
+fn number_at(i: u32) -> f32 {
+    return bitcast<f32>(tables[i]);
+}
+
+fn pair_at(i: u32) -> vec2<f32> {
+    return vec2<f32>(number_at(i), number_at(i + 1u));
+}
+
+fn triple_at(i: u32) -> vec3<f32> {
+    return vec3<f32>(number_at(i), number_at(i + 1u), number_at(i + 2u));
+}
+
+fn quadruple_at(i: u32) -> vec4<f32> {
+    return vec4<f32>(triple_at(i), number_at(i + 3u));
+}
+
+// x - sin(x), for x from -pi/2 to pi/2.
+fn less_sine(x: f32) -> f32 {
+    let s = x * x;
+    return x * s * (1.0 / 6.0 - s * (1.0 / 120.0 - s * (1.0 / 5040.0 - s * (1.0 / 362880.0 - s * (1.0 / 39916800.0 - s / 6227020800.0)))));
+}
+
+fn sine(x: f32) -> f32 {
+    return x - less_sine(x);
+}
+
+// 1 - cos(x), likewise.
+fn less_cosine(x: f32) -> f32 {
+    let half = sine(0.5 * x);
+    return 2.0 * half * half;
+}
+
+fn cosine(x: f32) -> f32 {
+    return 1.0 - less_cosine(x);
+}
+
+// One axis of the filter: the offset from the pixel's centre, and the weight.
+fn filter_axis(u: f32) -> vec2<f32> {
+    let s = 2.0 * u - 1.0;
+    if camera.filter_cells == 0u {
+        return vec2<f32>(0.5 * camera.filter_width * s, 1.0);
+    }
+    let share = abs(s);
+    let last = camera.filter_cells - 1u;
+    var k = tables[camera.filter_guide + min(u32(share * f32(camera.filter_cells)), last)];
+    while k < last && number_at(camera.filter_table + 4u * (k + 1u)) <= share {
+        k += 1u;
+    }
+    // Share, start, slope and sign.
+    let cell = quadruple_at(camera.filter_table + 4u * k);
+    var end = 0.5 * camera.filter_width;
+    if k < last {
+        end = number_at(camera.filter_table + 4u * (k + 1u) + 1u);
+    }
+    let x = min(cell.y + (share - cell.x) * cell.z, end);
+    return vec2<f32>(select(x, -x, s < 0.0), cell.w * camera.filter_weight);
+}
+
+// Words of a piece of the shutter's curve.
+const PIECE: u32 = 7u;
+
+// The time of a number in units of 2^-24.
+fn time_of(number: u32) -> f32 {
+    let open = camera.time_window.x;
+    let close = camera.time_window.y;
+    if camera.curve_pieces == 0u {
+        return open + (close - open) * unit(number);
+    }
+    // The last piece that begins at the number or before it.
+    var low = 0u;
+    var high = camera.curve_pieces;
+    while low + 1u < high {
+        let middle = (low + high) / 2u;
+        if tables[camera.curve + PIECE * middle] <= number {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    // A piece is told from its end that is less open: where that end is, among the numbers and in time; which way
+    // the piece goes from there; how open it is there, and how fast it opens. Its area up to a number is then a sum of what
+    // does not cancel, and so is the root.
+    let at = camera.curve + PIECE * low;
+    let steps = f32(i32(number) - i32(tables[at + 1u])) - number_at(at + 2u);
+    let direction = number_at(at + 4u);
+    let area = max(steps * direction, 0.0) * camera.curve_step;
+    let openness = number_at(at + 5u);
+    let slope = number_at(at + 6u);
+    let root = sqrt(openness * openness + 2.0 * slope * area);
+    let divisor = openness + root;
+    let passed = select(0.0, 2.0 * area / max(divisor, 1.0e-37), divisor > 0.0);
+    return clamp(number_at(at + 3u) + direction * passed, open, close);
+}
+
+// Unit square to unit disk: core's concentric_disk.
+fn disk(at: vec2<f32>) -> vec2<f32> {
+    let p = 2.0 * at - 1.0;
+    if p.x == 0.0 && p.y == 0.0 {
+        return vec2<f32>(0.0);
+    }
+    if abs(p.x) > abs(p.y) {
+        let angle = QUARTER_PI * (p.y / p.x);
+        return vec2<f32>(cosine(angle), sine(angle)) * p.x;
+    }
+    let angle = QUARTER_PI * (p.x / p.y);
+    return vec2<f32>(sine(angle), cosine(angle)) * p.y;
+}
+
+// The same in polar form: radius, and angle in turns from -1/8 to 7/8.
+fn disk_polar(at: vec2<f32>) -> vec2<f32> {
+    let p = 2.0 * at - 1.0;
+    let size = abs(p);
+    if p.x == 0.0 && p.y == 0.0 {
+        return vec2<f32>(0.0);
+    }
+    if size.x > size.y {
+        let turn = 0.125 * (p.y / p.x);
+        return vec2<f32>(size.x, select(turn + 0.5, turn, p.x > 0.0));
+    }
+    let turn = 0.25 - 0.125 * (p.x / p.y);
+    return vec2<f32>(size.y, select(turn + 0.5, turn, p.y > 0.0));
+}
+
+// Newton steps for a point of an arc.
+const ARC_STEPS: u32 = 4u;
+
+// The point of a bent side below which `share` of its area lies, as factors of its two vectors.
+fn arc_point(share: f32) -> vec2<f32> {
+    // 1 - eccentricity and eccentricity: (1 - e) x + e (x - sin(x)) and (1 - e) - (1 - cos(x)) do not cancel.
+    let straight = camera.arc.x;
+    let e = camera.arc.y;
+    let target_area = abs(share) * camera.arc.w;
+    var angle = abs(share) * camera.arc.z;
+    for (var i = 0u; i < ARC_STEPS; i += 1u) {
+        let miss = straight * angle + e * less_sine(angle) - target_area;
+        angle -= miss / (straight + e * less_cosine(angle));
+    }
+    angle = clamp(angle, 0.0, camera.arc.z);
+    let at = vec2<f32>(straight - less_cosine(angle), select(sine(angle), -sine(angle), share < 0.0));
+    return at * camera.arc_along;
+}
+
+// The point of the lens' opening, in units of its radius.
+fn lens_point(at: vec2<f32>) -> vec2<f32> {
+    if LENS == ROUND {
+        return disk(at) * camera.half_axes + camera.lens_offset;
+    }
+    let polar = disk_polar(at);
+    let turn = polar.y - camera.blade_start;
+    let place = (turn - floor(turn)) * f32(camera.blades);
+    let side = min(u32(place), camera.blades - 1u);
+    let share = clamp(2.0 * (place - f32(side)) - 1.0, -1.0, 1.0);
+    let vectors = quadruple_at(camera.blade_sides + 4u * side);
+    var along = vec2<f32>(1.0, share);
+    if camera.arc.z > 0.0 {
+        along = arc_point(share);
+    }
+    return (vectors.xy * along.x + vectors.zw * along.y) * polar.x;
+}
+
+// Words of a key of the camera's path: its time, and, up to the next one, where the turn is and which way it goes (two
+// quaternions at right angles), its angle, the columns of the stretch, and the place.
+const KEY: u32 = 22u;
+
+fn turned(rotation: vec4<f32>, v: vec3<f32>) -> vec3<f32> {
+    let t = 2.0 * cross(rotation.xyz, v);
+    return v + rotation.w * t + cross(rotation.xyz, t);
+}
+
+// A place and a direction in camera space, to the world.
+struct Posed {
+    origin: vec3<f32>,
+    dir: vec3<f32>,
+}
+
+fn posed(origin: vec3<f32>, dir: vec3<f32>, time: f32) -> Posed {
+    if !MOVES {
+        let x = camera.column_x.xyz;
+        let y = camera.column_y.xyz;
+        let z = camera.column_z.xyz;
+        return Posed(x * origin.x + y * origin.y + z * origin.z + camera.place.xyz, x * dir.x + y * dir.y + z * dir.z);
+    }
+    var low = 0u;
+    while low + 2u < camera.key_count && number_at(camera.keys + KEY * (low + 1u)) <= time {
+        low += 1u;
+    }
+    let a = camera.keys + KEY * low;
+    let b = a + KEY;
+    let start = number_at(a);
+    let f = clamp((time - start) / (number_at(b) - start), 0.0, 1.0);
+    let angle = f * number_at(a + 9u);
+    let rotation = quadruple_at(a + 1u) * cosine(angle) + quadruple_at(a + 5u) * sine(angle);
+    let x = mix(triple_at(a + 10u), triple_at(b + 10u), f);
+    let y = mix(triple_at(a + 13u), triple_at(b + 13u), f);
+    let z = mix(triple_at(a + 16u), triple_at(b + 16u), f);
+    let p = triple_at(a + 19u);
+    let place = p + (triple_at(b + 19u) - p) * f;
+    let o = turned(rotation, x * origin.x + y * origin.y + z * origin.z) + place;
+    return Posed(o, turned(rotation, x * dir.x + y * dir.y + z * dir.z));
+}
+
+// What clipping planes leave of a range; one that begins after its end where nothing is left.
+fn clipped(origin: vec3<f32>, dir: vec3<f32>, range: vec2<f32>) -> vec2<f32> {
+    var near = range.x;
+    var far = range.y;
+    for (var i = 0u; i < camera.plane_count; i += 1u) {
+        let plane = quadruple_at(camera.planes + 4u * i);
+        let at = dot(plane.xyz, origin) + plane.w;
+        let slope = dot(plane.xyz, dir);
+        // Shaders may assume that no infinity occurs.
+        let is_far = abs(slope) * FAR <= abs(at);
+        let met = select(-at / select(slope, 1.0, is_far), select(-FAR, FAR, (at > 0.0) != (slope > 0.0)), is_far);
+        if slope > 0.0 {
+            near = max(near, met);
+        } else if slope < 0.0 {
+            far = min(far, met);
+        } else if at < 0.0 {
+            far = -FAR;
+        }
+    }
+    return select(vec2<f32>(1.0, 0.0), vec2<f32>(near, far), near <= far);
+}
+
+// The ray through a place of the image and of the lens' opening: core's Camera::ray.
+fn camera_ray(raster: vec2<f32>, lens_at: vec2<f32>, time: f32) -> Ray {
+    let by = raster / camera.resolution;
+    let at = vec2<f32>(camera.corner.x + camera.window_size.x * by.x, camera.corner.y - camera.window_size.y * by.y);
+    let orthographic = camera.orthographic != 0u;
+    var origin = vec3<f32>(select(vec2<f32>(0.0), at, orthographic), 0.0);
+    var dir = vec3<f32>(select(at, vec2<f32>(0.0), orthographic), -1.0);
+    if LENS != PINHOLE {
+        let lens = lens_at * camera.lens_radius;
+        origin += vec3<f32>(lens, 0.0);
+        dir -= vec3<f32>(lens / camera.focus_distance, 0.0);
+    }
+    var range = camera.clipping;
+    if camera.plane_count != 0u {
+        range = clipped(origin, dir, range);
+    }
+    let there = posed(origin, dir, time);
+    var out: Ray;
+    out.origin = there.origin;
+    out.dir = there.dir;
+    out.t_min = range.x;
+    out.t_max = range.y;
+    out.time = time;
+    return out;
+}
