@@ -110,7 +110,7 @@ void HdTrapezeCamera::Sync(HdSceneDelegate* delegate, HdRenderParam* renderParam
         return;
     }
     bool const created = _id == 0;
-    if (created && !param.EditCamera(trz_camera_create(param.Session(), id.GetText(), &_id), id)) {
+    if (created && !param.Edit(trz_camera_create(param.Session(), id.GetText(), &_id), id)) {
         return;
     }
     if (created || (bits & DirtyParams)) {
@@ -121,8 +121,7 @@ void HdTrapezeCamera::Sync(HdSceneDelegate* delegate, HdRenderParam* renderParam
         _sampled = param.Shutter();
         auto const samples = HdTrapezeSampleTransform(delegate, id, param.Shutter());
         trz_transform_samples const level = samples.Level();
-        param.EditCamera(trz_prim_set_transform(param.Session(), _id, &level, samples.LevelCount()),
-                         id);
+        param.Edit(trz_prim_set_transform(param.Session(), _id, &level, samples.LevelCount()), id);
     }
     if (created || (bits & (DirtyParams | DirtyClipPlanes))) {
         trz_camera desc = {};
@@ -151,7 +150,7 @@ void HdTrapezeCamera::Sync(HdSceneDelegate* delegate, HdRenderParam* renderParam
         auto const lens = _LensSamples(delegate, id, desc, param.Shutter());
         desc.lens_samples = lens.data();
         desc.lens_sample_count = lens.size();
-        param.EditCamera(trz_camera_set(param.Session(), _id, &desc), id);
+        param.Edit(trz_camera_set(param.Session(), _id, &desc), id);
     }
 }
 
@@ -159,7 +158,7 @@ void HdTrapezeCamera::Finalize(HdRenderParam* renderParam) {
     auto& param = *static_cast<HdTrapezeRenderParam*>(renderParam);
     param.SetShutterOf(this, GfInterval());
     if (_id != 0) {
-        param.EditCamera(trz_prim_remove(param.Session(), _id), GetId());
+        param.Edit(trz_prim_remove(param.Session(), _id), GetId());
         _id = 0;
     }
     HdCamera::Finalize(renderParam);

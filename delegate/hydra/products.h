@@ -1,73 +1,46 @@
 #ifndef HDTRAPEZE_PRODUCTS_H
 #define HDTRAPEZE_PRODUCTS_H
 
-#include "view.h"
+#include "hdtrapeze.h"
 
+#include "pxr/base/tf/token.h"
 #include "pxr/imaging/hd/renderSettings.h"
 #include "pxr/pxr.h"
-#include "pxr/usd/sdf/path.h"
 
-#include <map>
+#include <deque>
+#include <set>
 #include <string>
 #include <vector>
 
 PXR_NAMESPACE_OPEN_SCOPE
 
-class HdRenderIndex;
-class HdTrapezeRenderParam;
+class HdTrapezeCamera;
 
-/// The file of a RenderProduct.
-struct HdTrapezeFile {
-    SdfPath product;
-    std::string path;
-    uint32_t type = TRZ_IMAGE_EXR;
-    uint32_t compression = TRZ_COMPRESSION_ZIP;
-    uint32_t pixelType = TRZ_PIXEL_HALF;
-    /// Texts of trz_render_var by its fields' order; empty ones are not authored.
-    struct Var {
-        std::string path, sourceName, sourceType, dataType, format, name, channelPrefix;
-        bool hasPrefix = false;
-        trz_render_var View() const;
-        bool operator==(Var const& other) const;
-    };
-    std::vector<Var> vars;
-    std::map<std::string, std::string> metadata;
+/// Render products as the C ABI takes them. They point into the prim that they are of.
+class HdTrapezeProducts final {
+public:
+    /// `settings` are all but the image's shape. Null camera where there is none at its path.
+    void Add(HdRenderSettings::RenderProduct const& product, HdTrapezeCamera const* camera,
+             trz_settings const& settings, trz_session* session);
 
-    bool operator==(HdTrapezeFile const& other) const;
+    std::vector<trz_product const*> const& All() const { return _all; }
 
-    /// Writes what the session has rendered, where there is no failure. Where that cannot be, the
-    /// product gets a warning.
-    void Write(HdTrapezeRenderParam& param, std::string const& failure) const;
+    /// Primvars that their vars show.
+    std::set<TfToken> const& Primvars() const { return _primvars; }
+
+private:
+    char const* _Keep(std::string const& text) { return _texts.emplace_back(text).c_str(); }
+    std::vector<trz_render_var> _Vars(HdRenderSettings::RenderProduct const& product,
+                                      trz_session* session);
+
+    // Places of these stay when more are added.
+    std::deque<trz_product> _products;
+    std::deque<trz_settings> _settings;
+    std::deque<std::vector<trz_render_var>> _vars;
+    std::deque<std::string> _texts;
+    std::vector<trz_product const*> _all;
+    std::set<TfToken> _primvars;
 };
-
-/// One render, and the files that are written of it.
-struct HdTrapezeRender {
-    HdTrapezeView view;
-    std::vector<HdTrapezeFile> files;
-
-    bool operator==(HdTrapezeRender const& other) const {
-        return view == other.view && files == other.files;
-    }
-};
-
-/// What the products of a host's render start from.
-struct HdTrapezeProductContext {
-    HdRenderIndex const& index;
-    HdTrapezeRenderParam& param;
-    /// Of the host's own image.
-    HdTrapezeView const& own;
-    HdTrapezeSettingsLayer const& host;
-    /// The settings prim's settings and the library's.
-    HdTrapezeSettings settings;
-    /// Factor on the shading rate.
-    float rate = 1.0f;
-};
-
-/// The renders of a RenderSettings prim's products, and the host's own at the end. Products that
-/// agree with another's image, or the host's, share its render. Of what cannot be there is a
-/// warning, and the rest is rendered.
-std::vector<HdTrapezeRender> HdTrapezePlan(HdRenderSettings const& prim,
-                                           HdTrapezeProductContext const& context);
 
 PXR_NAMESPACE_CLOSE_SCOPE
 

@@ -2,7 +2,7 @@
 
 #include "hdtrapeze.h"
 #include "numbers.h"
-#include "renderLoop.h"
+#include "renderParam.h"
 
 #include "pxr/base/gf/half.h"
 
@@ -72,16 +72,13 @@ std::vector<double> _ClearNumbers(VtValue const& clear) {
 
 } // namespace
 
-void HdTrapezeRenderBuffer::Bind(trz_session* session, HdTrapezeRenderLoop const* loop,
-                                 std::string const& aov, VtValue const& clear,
-                                 GfVec2i const& origin) {
+void HdTrapezeRenderBuffer::Bind(HdTrapezeRenderParam const* param, std::string const& aov,
+                                 VtValue const& clear, GfVec2i const& origin) {
     std::lock_guard<std::mutex> lock(_mutex);
-    if (session == _session && loop == _loop && aov == _aov && clear == _clear &&
-        origin == _origin) {
+    if (param == _param && aov == _aov && clear == _clear && origin == _origin) {
         return;
     }
-    _session = session;
-    _loop = loop;
+    _param = param;
     _aov = aov;
     _clear = clear;
     _origin = origin;
@@ -91,8 +88,7 @@ void HdTrapezeRenderBuffer::Bind(trz_session* session, HdTrapezeRenderLoop const
 
 void HdTrapezeRenderBuffer::Unbind() {
     std::lock_guard<std::mutex> lock(_mutex);
-    _session = nullptr;
-    _loop = nullptr;
+    _param = nullptr;
 }
 
 void HdTrapezeRenderBuffer::Sync(HdSceneDelegate* delegate, HdRenderParam* renderParam,
@@ -170,18 +166,18 @@ void HdTrapezeRenderBuffer::Resolve() {
 
 bool HdTrapezeRenderBuffer::IsConverged() const {
     std::lock_guard<std::mutex> lock(_mutex);
-    return !_loop || _loop->IsConverged();
+    return !_param || _param->Progress().view_converged;
 }
 
 // Copies what was rendered, where that is more than what is there.
 void HdTrapezeRenderBuffer::_Update() {
-    if (!_session || !_loop || _data.empty()) {
+    if (!_param || _data.empty()) {
         return;
     }
-    uint64_t const generation = _loop->Generation();
-    trz_progress progress = {};
-    progress.struct_size = sizeof(progress);
-    if (generation == 0 || trz_render_progress(_session, &progress) != TRZ_OK) {
+    trz_session* const session = _param->Session();
+    trz_progress const progress = _param->Progress();
+    uint64_t const generation = progress.view_readable;
+    if (generation == 0) {
         return;
     }
     // A render that has not been everywhere yet leaves the one before it on the screen, and all
@@ -194,11 +190,11 @@ void HdTrapezeRenderBuffer::_Update() {
     }
     trz_aov_desc desc = {};
     desc.struct_size = sizeof(desc);
-    if (trz_aov_describe(_session, _aov.c_str(), &desc) != TRZ_OK) {
+    if (trz_aov_describe(session, _aov.c_str(), &desc) != TRZ_OK) {
         return;
     }
     std::vector<char> values(size_t(desc.width) * desc.height * desc.components * 4);
-    if (trz_aov_read(_session, _aov.c_str(), values.data(), values.size()) != TRZ_OK) {
+    if (trz_aov_read(session, _aov.c_str(), values.data(), values.size()) != TRZ_OK) {
         return; // another render began in between
     }
     _generation = generation;

@@ -17,7 +17,6 @@
 PXR_NAMESPACE_OPEN_SCOPE
 
 class HdTrapezeRenderParam;
-class HdTrapezeRenderLoop;
 
 /// A buffer of the host's that shows one AOV: rows from the bottom up, in the format that the host
 /// chose. What was rendered is copied when the host maps it.
@@ -27,8 +26,8 @@ public:
 
     /// What it is to show: an AOV of the session, over `clear`. `origin` is the pixel of the image,
     /// y down from its top left, that the buffer's top left is.
-    void Bind(trz_session* session, HdTrapezeRenderLoop const* loop, std::string const& aov,
-              VtValue const& clear, GfVec2i const& origin);
+    void Bind(HdTrapezeRenderParam const* param, std::string const& aov, VtValue const& clear,
+              GfVec2i const& origin);
 
     /// Ends Bind: from now on it keeps what it has. Before the session goes.
     void Unbind();
@@ -60,8 +59,7 @@ private:
     HdFormat _format = HdFormatInvalid;
     std::atomic<int> _mapped{0};
 
-    trz_session* _session = nullptr;
-    HdTrapezeRenderLoop const* _loop = nullptr;
+    HdTrapezeRenderParam const* _param = nullptr;
     std::string _aov;
     VtValue _clear;
     GfVec2i _origin{0, 0};

@@ -14,7 +14,6 @@
 #include "renderBuffer.h"
 #include "renderPass.h"
 #include "renderSettings.h"
-#include "tokens.h"
 #include "unsupported.h"
 
 #include "pxr/imaging/hd/extComputation.h"
@@ -45,18 +44,10 @@ bool _Has(TfTokenVector const& types, TfToken const& type) {
 HdTrapezeRenderDelegate::HdTrapezeRenderDelegate(HdRenderSettingsMap const& settings)
     : HdRenderDelegate(settings), _param(std::make_unique<HdTrapezeRenderParam>()),
       _registry(std::make_shared<HdResourceRegistry>()) {
-    if (_param->Session()) {
-        _loop = std::make_unique<HdTrapezeRenderLoop>(_param->Session());
-    }
     for (auto const& [key, value] : settings) {
         SetRenderSetting(key, value);
     }
     _PopulateDefaultSettings(GetRenderSettingDescriptors());
-}
-
-HdTrapezeRenderDelegate::~HdTrapezeRenderDelegate() {
-    // The render ends before what it renders.
-    _loop.reset();
 }
 
 TfTokenVector const& HdTrapezeRenderDelegate::GetSupportedRprimTypes() const {
@@ -116,13 +107,10 @@ bool HdTrapezeRenderDelegate::IsInteractive() const {
 
 VtDictionary HdTrapezeRenderDelegate::GetRenderStats() const {
     VtDictionary stats;
-    trz_progress progress = {};
-    progress.struct_size = sizeof(progress);
+    trz_progress const progress = _param->Progress();
     trz_statistics numbers = {};
     numbers.struct_size = sizeof(numbers);
-    trz_session* const session = _param->Session();
-    if (!session || trz_render_progress(session, &progress) != TRZ_OK ||
-        trz_statistics_get(session, &numbers) != TRZ_OK) {
+    if (trz_statistics_get(_param->Session(), &numbers) != TRZ_OK) {
         return stats;
     }
     static char const* const states[] = {"idle",      "preparing", "rendering", "finished",
@@ -135,8 +123,8 @@ VtDictionary HdTrapezeRenderDelegate::GetRenderStats() const {
         state + TfStringPrintf(", %u of %u samples", progress.samples_done, progress.samples_total);
     stats["state"] = state;
     // Since the delegate was made, which tells what an edit cost.
-    stats["edits"] = _param->Edits();
-    stats["renders"] = _loop->Starts();
+    stats["edits"] = progress.edits;
+    stats["renders"] = progress.view_starts;
     // Of the last commit and render.
     stats["prims"] = numbers.prims;
     stats["instances"] = numbers.instances;
@@ -171,29 +159,17 @@ bool HdTrapezeRenderDelegate::InvokeCommand(TfToken const& command, HdCommandArg
     return HdTrapezeRunCommand(_param->Session(), command, args);
 }
 
-bool HdTrapezeRenderDelegate::IsStopped() const { return !_loop || _loop->IsStopped(); }
+bool HdTrapezeRenderDelegate::IsStopped() const { return _param->Progress().view_stopped; }
 
 bool HdTrapezeRenderDelegate::Stop(bool blocking) {
-    if (_loop) {
-        _loop->Stop(blocking);
-    }
-    return true;
+    return trz_view_stop(_param->Session(), blocking) == TRZ_OK;
 }
 
-bool HdTrapezeRenderDelegate::Restart() {
-    if (_loop) {
-        _loop->Resume();
-    }
-    return true;
-}
+bool HdTrapezeRenderDelegate::Restart() { return trz_view_resume(_param->Session()) == TRZ_OK; }
 
-bool HdTrapezeRenderDelegate::Pause() {
-    return _param->Session() && trz_render_pause(_param->Session(), 1) == TRZ_OK;
-}
+bool HdTrapezeRenderDelegate::Pause() { return trz_render_pause(_param->Session(), 1) == TRZ_OK; }
 
-bool HdTrapezeRenderDelegate::Resume() {
-    return _param->Session() && trz_render_pause(_param->Session(), 0) == TRZ_OK;
-}
+bool HdTrapezeRenderDelegate::Resume() { return trz_render_pause(_param->Session(), 0) == TRZ_OK; }
 
 HdRenderPassSharedPtr
 HdTrapezeRenderDelegate::CreateRenderPass(HdRenderIndex* index,

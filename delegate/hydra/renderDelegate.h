@@ -1,8 +1,6 @@
 #ifndef HDTRAPEZE_RENDER_DELEGATE_H
 #define HDTRAPEZE_RENDER_DELEGATE_H
 
-#include "hdtrapeze.h"
-#include "renderLoop.h"
 #include "renderParam.h"
 #include "settings.h"
 
@@ -18,12 +16,8 @@ PXR_NAMESPACE_OPEN_SCOPE
 class HdTrapezeRenderDelegate final : public HdRenderDelegate {
 public:
     explicit HdTrapezeRenderDelegate(HdRenderSettingsMap const& settings);
-    ~HdTrapezeRenderDelegate() override;
 
     HdTrapezeRenderParam& Param() { return *_param; }
-
-    /// Null where the library refused a session.
-    HdTrapezeRenderLoop* Loop() { return _loop.get(); }
 
     /// Whether an AOV of that name is rendered.
     static bool IsAov(TfToken const& name);
@@ -75,7 +69,6 @@ public:
 
 private:
     std::unique_ptr<HdTrapezeRenderParam> _param;
-    std::unique_ptr<HdTrapezeRenderLoop> _loop;
     HdTrapezeSettingsLayer _settings{HdTrapezeSettingsLayer::Owner::Host};
     HdResourceRegistrySharedPtr _registry;
 };

@@ -3,6 +3,7 @@
 #include "instancer.h"
 
 #include "pxr/base/tf/diagnostic.h"
+#include "pxr/base/tf/stringUtils.h"
 #include "pxr/imaging/hd/camera.h"
 #include "pxr/imaging/hd/cameraSchema.h"
 #include "pxr/imaging/hd/extComputationPrimvarsSchema.h"
@@ -24,13 +25,13 @@ namespace {
 void _Log(void*, uint32_t level, char const* path, char const* code, char const* text) {
     char const* const at = *path ? " <" : "";
     char const* const end = *path ? ">" : "";
-    char const* const kind = *code ? code : "message";
+    std::string const kind = *code ? TfStringPrintf(" (%s)", code) : "";
     switch (level) {
     case TRZ_LOG_ERROR:
-        TF_RUNTIME_ERROR("Trapeze%s%s%s: %s (%s)", at, path, end, text, kind);
+        TF_RUNTIME_ERROR("Trapeze%s%s%s: %s%s", at, path, end, text, kind.c_str());
         break;
     case TRZ_LOG_WARN:
-        TF_WARN("Trapeze%s%s%s: %s (%s)", at, path, end, text, kind);
+        TF_WARN("Trapeze%s%s%s: %s%s", at, path, end, text, kind.c_str());
         break;
     default:
         TF_STATUS("Trapeze%s%s%s: %s", at, path, end, text);
@@ -51,23 +52,8 @@ HdTrapezeRenderParam::HdTrapezeRenderParam() {
 HdTrapezeRenderParam::~HdTrapezeRenderParam() { trz_session_destroy(_session); }
 
 bool HdTrapezeRenderParam::Edit(trz_result result, SdfPath const& id) {
-    bool const done = Check(result, id);
-    if (done) {
-        ++_edits;
-    }
-    return done;
-}
-
-bool HdTrapezeRenderParam::EditCamera(trz_result result, SdfPath const& id) {
-    _cameraEdits += result == TRZ_OK;
-    return Edit(result, id);
-}
-
-bool HdTrapezeRenderParam::Check(trz_result result, SdfPath const& id) {
-    if (result == TRZ_ERROR_POISONED) {
-        // Every call says so from then on.
-        TellFailure(trz_last_error());
-    } else if (result != TRZ_OK) {
+    // A poisoned session says so of every call; what poisoned it has told why.
+    if (result != TRZ_OK && result != TRZ_ERROR_POISONED) {
         Warn(id, std::string(trz_last_error()) + " (" + trz_result_name(result) + ")");
     }
     return result == TRZ_OK;
@@ -91,17 +77,13 @@ void HdTrapezeRenderParam::WarnOnce(SdfPath const& id, std::string const& text) 
     Warn(id, text);
 }
 
-void HdTrapezeRenderParam::TellFailure(std::string const& failure) {
-    {
-        std::lock_guard<std::mutex> lock(_mutex);
-        if (_failure == failure) {
-            return;
-        }
-        _failure = failure;
+trz_progress HdTrapezeRenderParam::Progress() const {
+    trz_progress progress = {};
+    progress.struct_size = sizeof(progress);
+    if (trz_render_progress(_session, &progress) != TRZ_OK) {
+        progress.view_converged = progress.view_stopped = 1;
     }
-    if (!failure.empty()) {
-        TF_RUNTIME_ERROR("Trapeze: %s", failure.c_str());
-    }
+    return progress;
 }
 
 GfInterval HdTrapezeRenderParam::Shutter() const {

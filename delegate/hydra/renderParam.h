@@ -37,11 +37,8 @@ public:
 
     trz_session* Session() const { return _session; }
 
-    /// Counts an edit where the call was a success; otherwise warns, naming the prim.
+    /// Whether a call was a success; otherwise warns, naming the prim.
     bool Edit(trz_result result, SdfPath const& id);
-
-    /// Edit for what is no edit of the scene.
-    bool Check(trz_result result, SdfPath const& id);
 
     /// A warning about a prim, or, with an empty path, about none.
     void Warn(SdfPath const& id, std::string const& text) const;
@@ -49,16 +46,8 @@ public:
     /// The same, the first time only.
     void WarnOnce(SdfPath const& id, std::string const& text);
 
-    /// Says why a render failed, or with an empty text that it did not: the same only once on end,
-    /// whatever is edited meanwhile.
-    void TellFailure(std::string const& failure);
-
-    /// Edits so far: where it has grown, there is something to render anew.
-    uint64_t Edits() const { return _edits; }
-
-    /// Edit for cameras, and how many edits were of other prims.
-    bool EditCamera(trz_result result, SdfPath const& id);
-    uint64_t PrimEdits() const { return _edits - _cameraEdits; }
+    /// How far edits and renders are. A session that failed has nothing more to come.
+    trz_progress Progress() const;
 
     // Motion -------------------------------------------------------------------------------------
 
@@ -149,8 +138,6 @@ private:
     bool _MarkDirty(HdRenderIndex& index, HdDirtyBits bits, Source source) const;
 
     trz_session* _session = nullptr;
-    std::atomic<uint64_t> _edits{0};
-    std::atomic<uint64_t> _cameraEdits{0};
     std::atomic<uint64_t> _visibilityVersion{0};
     std::atomic<int> _lights{0};
     std::atomic<double> _timeCodesPerSecond{24.0};
@@ -161,7 +148,6 @@ private:
     std::unordered_map<void const*, GfInterval> _shutters;
     GfInterval _shutter{0.0, 0.0};
     std::set<std::pair<SdfPath, std::string>> _warned;
-    std::string _failure;
     std::map<void const*, Included> _included;
     std::set<TfToken> _wanted;
     std::map<SdfPath, HdTrapezePrim*> _prims;

@@ -4,7 +4,6 @@
 #include "prim.h"
 #include "renderBuffer.h"
 #include "renderDelegate.h"
-#include "renderLoop.h"
 #include "renderParam.h"
 #include "renderSettings.h"
 
@@ -25,6 +24,21 @@ namespace {
 float _RateOfLevel(int level) {
     static float const rates[] = {1.0f, 0.7f, 0.5f, 0.25f};
     return rates[std::clamp(level, 0, 3)];
+}
+
+uint32_t _WindowPolicy(CameraUtilConformWindowPolicy policy) {
+    switch (policy) {
+    case CameraUtilMatchHorizontally:
+        return TRZ_WINDOW_MATCH_HORIZONTALLY;
+    case CameraUtilMatchVertically:
+        return TRZ_WINDOW_MATCH_VERTICALLY;
+    case CameraUtilFit:
+        return TRZ_WINDOW_FIT;
+    case CameraUtilCrop:
+        return TRZ_WINDOW_CROP;
+    default:
+        return TRZ_WINDOW_DONT_CONFORM;
+    }
 }
 
 uint32_t _Cull(HdCullStyle style, uint32_t fallback) {
@@ -81,8 +95,7 @@ HdTrapezeRenderPass::HdTrapezeRenderPass(HdRenderIndex* index, HdRprimCollection
 HdTrapezeRenderPass::~HdTrapezeRenderPass() { _delegate->Param().RemovePass(this); }
 
 bool HdTrapezeRenderPass::IsConverged() const {
-    HdTrapezeRenderLoop const* const loop = _delegate->Loop();
-    return !loop || (!_resyncing && loop->IsConverged());
+    return !_resyncing && _delegate->Param().Progress().view_converged;
 }
 
 // Shows the prims that render tags and collection name.
@@ -118,15 +131,16 @@ void HdTrapezeRenderPass::_Sync() { _SampleMotion(); }
 bool HdTrapezeRenderPass::_SampleMotion() {
     HdRenderIndex& index = *GetRenderIndex();
     HdTrapezeRenderParam& param = _delegate->Param();
-    HdTrapezeSettings settings;
+    trz_settings settings = HdTrapezeDefaultSettings();
     if (auto const* const prim = param.FindRenderSettings(HdTrapezeActiveSettings(index))) {
         prim->Apply(&settings);
     }
     _delegate->Settings().Apply(&settings);
     std::optional<double> const told = HdTrapezeStageRate(index);
-    double const rate = told.value_or(settings.timeCodesPerSecond);
+    double const set = settings.time_codes_per_second;
+    double const rate = told.value_or(set > 0.0 ? set : 24.0);
     bool const sampled = param.SampleShutter(index);
-    return param.SetTimeCodesPerSecond(rate, told || settings.isRateTold, index) || sampled;
+    return param.SetTimeCodesPerSecond(rate, told || set > 0.0, index) || sampled;
 }
 
 // Older hosts sample motion for the shutter of one camera of their choice, which is the one that
@@ -145,7 +159,8 @@ bool HdTrapezeRenderPass::_LacksSamples(HdTrapezeCamera const& camera) {
             "this host samples motion for its camera's shutter alone: with another shutter, "
             "what moves stands still outside of it");
     }
-    uint64_t const edits = _delegate->Param().PrimEdits();
+    trz_progress const progress = _delegate->Param().Progress();
+    uint64_t const edits = progress.edits - progress.camera_edits;
     if (_sampled.IsEmpty()) {
         _sampled = shutter;
     }
@@ -161,83 +176,68 @@ bool HdTrapezeRenderPass::_LacksSamples(HdTrapezeCamera const& camera) {
            _delegate->Param().MarkMotionDirty(index, HdTrapezeRenderParam::Source::Delegates);
 }
 
-// The view of the host's own image; false where there is nothing to render.
+// Settings and AOVs of the host's own image; false where there is nothing to render.
 bool HdTrapezeRenderPass::_MakeView(HdRenderPassState const& state,
-                                    HdTrapezeRenderSettings const* prim, HdTrapezeView* view) {
+                                    HdTrapezeRenderSettings const* prim, trz_settings* settings,
+                                    std::vector<char const*>* aovs) {
     HdTrapezeRenderParam& param = _delegate->Param();
-    auto const* const camera = static_cast<HdTrapezeCamera const*>(state.GetCamera());
-    HdTrapezeSettings settings;
     if (prim) {
-        prim->Apply(&settings);
+        prim->Apply(settings);
     }
-    _delegate->Settings().Apply(&settings);
-    view->camera = camera->Id();
-    view->settings = HdTrapezeFinish(settings);
+    _delegate->Settings().Apply(settings);
     if (prim) {
-        prim->DisableEffects(&view->settings);
+        prim->DisableEffects(settings);
     }
     GfVec2i origin;
-    if (!_SetFraming(state, &view->settings, &origin)) {
+    if (!_SetFraming(state, settings, &origin)) {
         return false;
     }
-    view->settings.keep_finer = _delegate->IsInteractive();
-    view->settings.shading_rate *= _RateOfLevel(_refineLevel);
-    view->settings.window_policy = HdTrapezeWindowPolicy(state.GetWindowPolicy());
-    view->settings.cull = _Cull(state.GetCullStyle(), view->settings.cull);
-    view->settings.camera_light =
-        param.HasLights() && state.GetLightingEnabled() && settings.cameraLight;
+    settings->keep_finer = _delegate->IsInteractive();
+    settings->shading_rate *= _RateOfLevel(_refineLevel);
+    settings->window_policy = _WindowPolicy(state.GetWindowPolicy());
+    settings->cull = _Cull(state.GetCullStyle(), settings->cull);
+    settings->camera_light &= param.HasLights() && state.GetLightingEnabled() ? 1 : 0;
     for (HdRenderPassAovBinding const& binding : state.GetAovBindings()) {
         auto* const buffer = static_cast<HdTrapezeRenderBuffer*>(binding.renderBuffer);
         if (buffer && HdTrapezeRenderDelegate::IsAov(binding.aovName)) {
-            std::string const& name = binding.aovName.GetString();
-            buffer->Bind(param.Session(), _delegate->Loop(), name, binding.clearValue, origin);
-            view->AddAov(name);
+            buffer->Bind(&param, binding.aovName.GetString(), binding.clearValue, origin);
+            aovs->push_back(binding.aovName.GetText());
         }
     }
     return true;
 }
 
-// What is rendered: the host's image and, of hosts that want files, the products.
-std::vector<HdTrapezeRender> HdTrapezeRenderPass::_Plan(HdTrapezeView const& view,
-                                                        HdTrapezeRenderSettings const* prim) {
-    if (!prim || _delegate->IsInteractive()) {
-        return {{view, {}}};
-    }
-    HdTrapezeSettings settings;
-    prim->Apply(&settings);
-    return HdTrapezePlan(*prim, {*GetRenderIndex(), _delegate->Param(), view, _delegate->Settings(),
-                                 settings, _RateOfLevel(_refineLevel)});
-}
-
-void HdTrapezeRenderPass::_Start() {
+// The products of a settings prim. `own` are the settings of the host's image.
+HdTrapezeProducts HdTrapezeRenderPass::_Products(HdTrapezeRenderSettings const& prim,
+                                                 trz_settings const& own) {
+    HdRenderIndex const& index = *GetRenderIndex();
     HdTrapezeRenderParam& param = _delegate->Param();
-    // The session knows at once, unless the loop may be between several.
-    _hasSeveral |= _renders.size() > 1;
-    if (!_hasSeveral) {
-        _renders.front().view.Push(param);
+    HdTrapezeProducts products;
+    for (auto const& product : prim.GetRenderProducts()) {
+        SdfPath const& id = product.productPath;
+        trz_settings settings = HdTrapezeDefaultSettings();
+        prim.Apply(&settings);
+        HdTrapezeReadNamespaced(product.namespacedSettings, id, param).Apply(&settings);
+        _delegate->Settings().Apply(&settings);
+        settings.disable_motion_blur |= product.disableMotionBlur ||
+                                        HdTrapezeIsInstantaneous(index, id) ||
+                                        HdTrapezeIsInstantaneous(index, prim.GetId());
+        settings.disable_defocus |= product.disableDepthOfField ? 1 : 0;
+        settings.shading_rate *= _RateOfLevel(_refineLevel);
+        settings.camera_light &= own.camera_light;
+        settings.keep_finer = own.keep_finer;
+        auto const* const camera = static_cast<HdTrapezeCamera const*>(
+            index.GetSprim(HdPrimTypeTokens->camera, product.cameraPath));
+        products.Add(product, camera, settings, param.Session());
     }
-    std::vector<HdTrapezeRenderLoop::Job> jobs;
-    for (HdTrapezeRender const& render : _renders) {
-        jobs.push_back({[&param, push = _hasSeveral, view = render.view] {
-                            if (push) {
-                                view.Push(param);
-                            }
-                        },
-                        [&param, files = render.files](std::string const& failure) {
-                            for (HdTrapezeFile const& file : files) {
-                                file.Write(param, failure);
-                            }
-                            param.TellFailure(failure);
-                        }});
-    }
-    _delegate->Loop()->Start(std::move(jobs));
+    return products;
 }
 
 void HdTrapezeRenderPass::_Execute(HdRenderPassStateSharedPtr const& state,
                                    TfTokenVector const& tags) {
     HdTrapezeRenderParam& param = _delegate->Param();
     auto const* const camera = static_cast<HdTrapezeCamera const*>(state->GetCamera());
-    if (!_delegate->Loop() || !camera || state->GetAovBindings().empty()) {
+    if (!param.Session() || !camera || state->GetAovBindings().empty()) {
         return;
     }
     HdRenderIndex& index = *GetRenderIndex();
@@ -247,36 +247,40 @@ void HdTrapezeRenderPass::_Execute(HdRenderPassStateSharedPtr const& state,
     if (prim) {
         prim->CheckPurposes(tags, param);
     }
-    HdTrapezeView view;
-    if (!_MakeView(*state, prim, &view)) {
+    trz_settings settings = HdTrapezeDefaultSettings();
+    std::vector<char const*> aovs;
+    if (!_MakeView(*state, prim, &settings, &aovs)) {
         return;
     }
-    double frame = 0.0;
-    HdTrapezeCurrentFrame(index, &frame);
-    _State now = {view, prim, prim ? prim->Version() : 0, frame, param.Edits()};
-    bool const changed = !(now == _state);
-    std::vector<HdTrapezeRender> renders = changed ? _Plan(view, prim) : _renders;
-    std::set<TfToken> primvars;
-    for (HdTrapezeRender const& render : renders) {
-        for (std::string const& aov : render.view.aovs) {
-            HdParsedAovToken const parsed{TfToken(aov)};
-            if (parsed.isPrimvar) {
-                primvars.insert(parsed.name);
-            }
+    // Of hosts that want files.
+    HdTrapezeProducts const products =
+        prim && !_delegate->IsInteractive() ? _Products(*prim, settings) : HdTrapezeProducts();
+    std::set<TfToken> primvars = products.Primvars();
+    for (char const* const aov : aovs) {
+        HdParsedAovToken const parsed{TfToken(aov)};
+        if (parsed.isPrimvar) {
+            primvars.insert(parsed.name);
         }
     }
     // Only here is it known what renders. What has to be synced for it again is at the next call.
     bool const wants = param.WantPrimvars(primvars, index);
     bool const samples = _SampleMotion();
     _resyncing = _LacksSamples(*camera) || wants || samples;
-    if (_resyncing || !changed) {
+    if (_resyncing) {
         return;
     }
-    bool const isSame = renders == _renders && now.edits == _state.edits;
-    _state = std::move(now);
-    if (!isSame) {
-        _renders = std::move(renders);
-        _Start();
+    trz_view view = {};
+    view.struct_size = sizeof(view);
+    view.camera = camera->Id();
+    view.settings = &settings;
+    view.aovs = aovs.data();
+    view.aov_count = static_cast<uint32_t>(aovs.size());
+    view.frame = HdTrapezeCurrentFrame(index);
+    view.settings_path = prim ? prim->GetId().GetText() : nullptr;
+    trz_result const result =
+        trz_view_render(param.Session(), &view, products.All().data(), products.All().size());
+    if (result != TRZ_OK && result != TRZ_ERROR_POISONED) {
+        param.WarnOnce(SdfPath(), trz_last_error());
     }
 }
 

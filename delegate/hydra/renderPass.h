@@ -3,7 +3,7 @@
 
 #include "products.h"
 
-#include "pxr/base/gf/vec2i.h"
+#include "pxr/base/gf/interval.h"
 #include "pxr/imaging/hd/renderPass.h"
 #include "pxr/imaging/hd/rprimCollection.h"
 #include "pxr/pxr.h"
@@ -31,28 +31,12 @@ protected:
     void _MarkCollectionDirty() override { _collectionDirty = true; }
 
 private:
-    // What decides which renders are made.
-    struct _State {
-        HdTrapezeView view;
-        HdTrapezeRenderSettings const* prim = nullptr;
-        uint64_t primVersion = 0;
-        double frame = 0.0;
-        uint64_t edits = 0;
-
-        bool operator==(_State const& other) const {
-            return view == other.view && prim == other.prim && primVersion == other.primVersion &&
-                   frame == other.frame && edits == other.edits;
-        }
-    };
-
     void _Include(TfTokenVector const& tags);
     bool _SampleMotion();
     bool _LacksSamples(HdTrapezeCamera const& camera);
     bool _MakeView(HdRenderPassState const& state, HdTrapezeRenderSettings const* prim,
-                   HdTrapezeView* view);
-    std::vector<HdTrapezeRender> _Plan(HdTrapezeView const& view,
-                                       HdTrapezeRenderSettings const* prim);
-    void _Start();
+                   trz_settings* settings, std::vector<char const*>* aovs);
+    HdTrapezeProducts _Products(HdTrapezeRenderSettings const& prim, trz_settings const& own);
 
     HdTrapezeRenderDelegate* const _delegate;
     bool _collectionDirty = true;
@@ -60,9 +44,6 @@ private:
     TfTokenVector _tags;
     uint64_t _visibilityVersion = 0;
     int _refineLevel = 0;
-    _State _state;
-    std::vector<HdTrapezeRender> _renders;
-    bool _hasSeveral = false;
     // The part of shutters that all prims have samples of, and when that was found.
     GfInterval _sampled;
     uint64_t _sampledEdits = 0;

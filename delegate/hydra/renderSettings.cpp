@@ -11,7 +11,7 @@
 #include "pxr/imaging/hd/version.h"
 
 #include <algorithm>
-#include <cmath>
+#include <limits>
 
 PXR_NAMESPACE_OPEN_SCOPE
 
@@ -27,7 +27,6 @@ TF_DEFINE_PRIVATE_TOKENS(_tokens,
 void HdTrapezeRenderSettings::_Sync(HdSceneDelegate* delegate, HdRenderParam* renderParam,
                                     HdDirtyBits const*) {
     auto& param = *static_cast<HdTrapezeRenderParam*>(renderParam);
-    ++_version;
     param.AddRenderSettings(GetId(), this);
     _layer = HdTrapezeReadNamespaced(GetNamespacedSettings(), GetId(), param);
     RenderProducts const& products = GetRenderProducts();
@@ -102,19 +101,17 @@ HdTrapezeSettingsLayer HdTrapezeReadNamespaced(VtDictionary const& settings, Sdf
     return layer;
 }
 
-bool HdTrapezeCurrentFrame(HdRenderIndex const& index, double* frame) {
+double HdTrapezeCurrentFrame(HdRenderIndex const& index) {
 #if HD_API_VERSION >= 71
     if (HdSceneIndexBaseRefPtr const scene = index.GetTerminalSceneIndex()) {
         if (auto const source = HdSceneGlobalsSchema::GetFromSceneIndex(scene).GetCurrentFrame()) {
-            *frame = source->GetTypedValue(0.0f);
-            return std::isfinite(*frame);
+            return source->GetTypedValue(0.0f);
         }
     }
 #else
     (void)index;
-    (void)frame;
 #endif
-    return false;
+    return std::numeric_limits<double>::quiet_NaN();
 }
 
 bool HdTrapezeIsInstantaneous(HdRenderIndex const& index, SdfPath const& id) {

@@ -22,14 +22,11 @@ public:
     void Finalize(HdRenderParam* renderParam) override;
 
     /// Adds what the prim says, but for the effects that it switches off: products may not.
-    void Apply(HdTrapezeSettings* settings) const { _layer.Apply(settings); }
+    void Apply(trz_settings* settings) const { _layer.Apply(settings); }
     void DisableEffects(trz_settings* settings) const;
 
     /// Says which of the included purposes the host has no prims of: it alone can ask for them.
     void CheckPurposes(TfTokenVector const& tags, HdTrapezeRenderParam& param) const;
-
-    /// Grows with every Sync.
-    uint64_t Version() const { return _version; }
 
 private:
     void _Sync(HdSceneDelegate* delegate, HdRenderParam* renderParam,
@@ -38,15 +35,14 @@ private:
     HdTrapezeSettingsLayer _layer{HdTrapezeSettingsLayer::Owner::Prim};
     bool _disableMotionBlur = false;
     bool _disableDepthOfField = false;
-    uint64_t _version = 0;
 };
 
 /// The settings of this renderer among a prim's namespaced ones. What cannot be gives a warning.
 HdTrapezeSettingsLayer HdTrapezeReadNamespaced(VtDictionary const& settings, SdfPath const& id,
                                                HdTrapezeRenderParam& param);
 
-/// The frame that the host shows; none of hosts that do not tell, and at the default time.
-bool HdTrapezeCurrentFrame(HdRenderIndex const& index, double* frame);
+/// The frame that the host shows; not finite of hosts that do not tell, and at the default time.
+double HdTrapezeCurrentFrame(HdRenderIndex const& index);
 
 /// Whether a RenderSettings prim or a RenderProduct has instantaneousShutter, the older name of
 /// disableMotionBlur. Only scene indices tell.

@@ -5,7 +5,6 @@
 
 #include "pxr/base/gf/interval.h"
 #include "pxr/base/tf/token.h"
-#include "pxr/base/vt/dictionary.h"
 #include "pxr/base/vt/value.h"
 #include "pxr/imaging/hd/renderDelegate.h"
 #include "pxr/pxr.h"
@@ -14,22 +13,6 @@
 #include <string>
 
 PXR_NAMESPACE_OPEN_SCOPE
-
-/// What a render is asked for, whoever asks.
-struct HdTrapezeSettings {
-    /// The library's defaults.
-    HdTrapezeSettings();
-
-    /// All but the image: resolution, windows, aspect.
-    trz_settings render = {};
-    bool cameraLight = true;
-    double timeCodesPerSecond = 24.0;
-    /// Whether somebody said so.
-    bool isRateTold = false;
-    /// Of files: TRZ_COMPRESSION_*, TRZ_PIXEL_*.
-    uint32_t compression = TRZ_COMPRESSION_ZIP;
-    uint32_t pixelType = TRZ_PIXEL_HALF;
-};
 
 /// Settings by name that one place says: the host, a RenderSettings prim or a RenderProduct.
 class HdTrapezeSettingsLayer final {
@@ -42,9 +25,7 @@ public:
     /// and `why` is what to tell the user.
     bool Set(TfToken const& key, VtValue const& value, std::string* why);
 
-    void Clear() { _values.clear(); }
-
-    void Apply(HdTrapezeSettings* settings) const;
+    void Apply(trz_settings* settings) const;
 
     /// The shutter that is asked for in place of the camera's; an empty one for none.
     GfInterval Shutter() const;
@@ -54,8 +35,8 @@ private:
     std::map<TfToken, VtValue> _values;
 };
 
-/// The renderer's settings, with a shutter that is none where it is not used.
-trz_settings HdTrapezeFinish(HdTrapezeSettings const& settings);
+/// The library's defaults, with the ends of a shutter for hosts that override the camera's.
+trz_settings HdTrapezeDefaultSettings();
 
 /// The settings that hosts show, with their defaults.
 HdRenderSettingDescriptorList HdTrapezeSettingDescriptors();

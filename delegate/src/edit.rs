@@ -132,6 +132,16 @@ pub(crate) struct EditQueue {
     base: Scene,
     /// Goes up with every change of a camera or the settings.
     view_version: u64,
+    edits: Edits,
+}
+
+/// How many edits were queued so far. Settings, AOVs and the active camera are none of the scene.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Edits {
+    /// Of prims, instancers and cameras, their making and removal too.
+    pub all: u64,
+    /// Those of cameras.
+    pub of_cameras: u64,
 }
 
 impl EditQueue {
@@ -146,7 +156,7 @@ impl EditQueue {
         let id = PrimId(self.last_id);
         let path: Arc<str> = path.into();
         self.known.insert(id, (kind, path.clone()));
-        self.view_version += u64::from(kind == Kind::Camera);
+        self.count(kind);
         self.changes.push(Change::Create(id, kind, path));
         self.counts.insert(id, 1);
         id
@@ -172,10 +182,22 @@ impl EditQueue {
         if matches!(edit, Edit::Remove) {
             self.known.remove(&id);
         }
-        self.view_version += u64::from(kind == Kind::Camera);
+        self.count(kind);
         self.changes.push(Change::Edit(id, Box::new(edit)));
         *self.counts.entry(id).or_default() += 1;
         Ok(())
+    }
+
+    fn count(&mut self, kind: Kind) {
+        let of_camera = u64::from(kind == Kind::Camera);
+        self.edits.all += 1;
+        self.edits.of_cameras += of_camera;
+        self.view_version += of_camera;
+    }
+
+    /// Edits that were queued so far.
+    pub fn edits(&self) -> Edits {
+        self.edits
     }
 
     pub fn push(&mut self, change: Change) -> Result<(), Error> {

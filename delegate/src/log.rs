@@ -75,6 +75,13 @@ impl Log {
         }
     }
 
+    /// The same for a warning that has no code.
+    pub fn say_once(&self, prim: &str, text: &str) {
+        if lock(&self.told).insert((prim.to_owned(), "", text.to_owned())) {
+            tracing::warn!(prim, "{text}");
+        }
+    }
+
     fn send(&self, level: &Level, message: &Message) {
         // An event caused by the log function itself would wait for its own end.
         if IN_CALLBACK.get() {

@@ -26,7 +26,7 @@ use tracing::dispatcher::with_default;
 use crate::ahead::Ahead;
 use crate::aov::AovShape;
 use crate::backend::{self, OnGpu};
-use crate::edit::{Change, Edit, EditQueue, Kind, apply};
+use crate::edit::{Change, Edit, EditQueue, Edits, Kind, apply};
 use crate::engine::{
     MISS, NO_RAY, current_statistics, is_traceable, new_frame, prepare_error, prepare_statistics,
 };
@@ -170,6 +170,11 @@ impl Session {
             self.warn(&[Warning::new(&*path, Code::PrimvarLength, text)]);
         }
         Ok(())
+    }
+
+    /// Edits that were queued so far.
+    pub fn edits(&self) -> Edits {
+        lock(&self.edits).edits()
     }
 
     /// Queues which camera to render through, or none.
@@ -410,6 +415,16 @@ impl Session {
         rendered.ok_or_else(|| Error::NotFound("no render was started yet".to_owned()))
     }
 
+    /// Refuses where the session is poisoned.
+    pub(crate) fn check(&self) -> Result<(), Error> {
+        self.shared.check()
+    }
+
+    /// Runs work of this session; a panic poisons it.
+    pub(crate) fn guard<T>(&self, work: impl FnOnce() -> T) -> Result<T, Error> {
+        self.shared.guard(work)
+    }
+
     /// Refuses every further call: for the layer above, where it caught a panic itself.
     pub fn poison(&self, why: &str) {
         self.shared.poison(why);
@@ -420,7 +435,7 @@ impl Session {
         committed.ok_or_else(|| Error::NotFound("no scene was committed yet".to_owned()))
     }
 
-    fn may_wait(&self) -> Result<(), Error> {
+    pub(crate) fn may_wait(&self) -> Result<(), Error> {
         if in_log_callback() {
             return Err(Error::Busy);
         }
@@ -428,15 +443,24 @@ impl Session {
     }
 
     fn warn(&self, warnings: &[Warning]) {
+        if !warnings.is_empty() {
+            let log = &self.shared.log;
+            self.with_log(|| warnings.iter().for_each(|w| log.warn_once(w)));
+        }
+    }
+
+    /// A warning about a prim that has no code, the first time only.
+    pub fn say_once(&self, prim: &str, text: &str) {
+        self.with_log(|| self.shared.log.say_once(prim, text));
+    }
+
+    /// Runs what sends messages of this session.
+    pub(crate) fn with_log(&self, tell: impl FnOnce()) {
         // A log function that edits is told nothing of it, and a dispatcher that is at work cannot
         // be replaced.
-        if warnings.is_empty() || in_log_callback() {
-            return;
+        if !in_log_callback() {
+            with_default(&self.shared.dispatch, tell);
         }
-        let shared = &self.shared;
-        with_default(&shared.dispatch, || {
-            warnings.iter().for_each(|w| shared.log.warn_once(w));
-        });
     }
 
     fn apply_edits(&self, work: &mut Work) {

@@ -317,6 +317,24 @@
 // lost, give one warning, and the CPU renders, or goes on from the samples that there are.
 #define TRZ_BACKEND_GPU 2
 
+// Something that no setting has.
+#define TRZ_VALUE_NONE 0
+
+// True or false.
+#define TRZ_VALUE_BOOL 1
+
+// A whole number.
+#define TRZ_VALUE_INTEGER 2
+
+// A number.
+#define TRZ_VALUE_REAL 3
+
+// A word.
+#define TRZ_VALUE_TEXT 4
+
+// Two numbers.
+#define TRZ_VALUE_PAIR 5
+
 // A driver that computes on the CPU.
 #define TRZ_DEVICE_SOFTWARE 0
 
@@ -845,6 +863,33 @@ typedef struct trz_instancer {
   uint32_t matrices_turn;
 } trz_instancer;
 
+// A value of a setting.
+typedef struct trz_value {
+  // TRZ_VALUE_*: which of the fields below counts.
+  uint32_t kind;
+  // TRZ_VALUE_INTEGER; TRZ_VALUE_BOOL: 0 or 1.
+  int64_t integer;
+  // TRZ_VALUE_PAIR; TRZ_VALUE_REAL: the first one.
+  double numbers[2];
+  // TRZ_VALUE_TEXT, UTF-8.
+  const char *text;
+} trz_value;
+
+// A setting that has a name, for the panels of hosts and for attributes of RenderSettings and
+// RenderProduct prims. Texts are owned by the library, valid for ever.
+typedef struct trz_setting {
+  // sizeof(trz_setting).
+  uint32_t struct_size;
+  // 1 where prims have it, too; 0: the host's alone.
+  uint32_t of_prims;
+  // Such as trapeze:samples.
+  const char *name;
+  // What hosts show it as; NULL: it is not shown.
+  const char *label;
+  // Its value where nobody has an opinion; TRZ_VALUE_NONE: none.
+  struct trz_value fallback;
+} trz_setting;
+
 // Settings of a render.
 typedef struct trz_settings {
   // sizeof(trz_settings).
@@ -910,6 +955,13 @@ typedef struct trz_settings {
   // 1: what may be hidden is diced when a ray first comes near it, and not at all where none does; the
   // image is the same. 0: everything is diced by the commit.
   uint32_t occlusion_culling;
+  // TRZ_COMPRESSION_*: of the EXR files of products.
+  uint32_t compression;
+  // TRZ_PIXEL_*: of the EXR files of products; ids and depths are always 32 bits.
+  uint32_t pixel_type;
+  // Time codes a second that a setting tells, 0 for none: for hosts that do not know their stage's,
+  // which prims with velocities need. A render does not.
+  double time_codes_per_second;
 } trz_settings;
 
 // How far a render is.
@@ -928,6 +980,18 @@ typedef struct trz_progress {
   double seconds;
   // Estimate; negative while unknown.
   double seconds_left;
+  // Edits of prims, instancers and cameras that were queued so far.
+  uint64_t edits;
+  // Those of cameras.
+  uint64_t camera_edits;
+  // How often trz_view_render has started to render anew.
+  uint64_t view_starts;
+  // Number of the render of trz_view_render that AOVs can be read of, 0 for none; it grows with each.
+  uint64_t view_readable;
+  // 1: nothing more comes of trz_view_render: all samples were taken, or it failed, or it was stopped.
+  uint32_t view_converged;
+  // 1: trz_view_stop holds, and nothing runs.
+  uint32_t view_stopped;
 } trz_progress;
 
 // What the last commit and the last render did.
@@ -987,24 +1051,23 @@ typedef struct trz_statistics {
   uint64_t micropolygons_culled;
 } trz_statistics;
 
-// Size and type of an AOV. It covers the image and the data window; what was not rendered of them
-// is background.
-typedef struct trz_aov_desc {
-  // sizeof(trz_aov_desc).
+// What is rendered, besides the scene.
+typedef struct trz_view {
+  // sizeof(trz_view).
   uint32_t struct_size;
-  // Pixels across; the image's width unless there is overscan.
-  uint32_t width;
-  // Pixels down.
-  uint32_t height;
-  // Components a pixel; each takes 4 bytes.
-  uint32_t components;
-  // TRZ_FORMAT_*.
-  uint32_t format;
-  // Column of the image that the first pixel is in; below 0 with overscan to the left.
-  int32_t origin_x;
-  // Row of the image that the first pixel is in; below 0 with overscan above.
-  int32_t origin_y;
-} trz_aov_desc;
+  // Number of names.
+  uint32_t aov_count;
+  // The camera to render through, 0 for none.
+  trz_id camera;
+  // Settings of the render.
+  const struct trz_settings *settings;
+  // Names of the AOVs to render.
+  const char *const *aovs;
+  // The frame, for names and metadata of files; not finite at the default time.
+  double frame;
+  // Path of the RenderSettings prim that products are of; NULL for none.
+  const char *settings_path;
+} trz_view;
 
 // A render var of a product (UsdRenderVar) as authored. Texts are UTF-8; NULL where nothing is
 // authored.
@@ -1030,6 +1093,59 @@ typedef struct trz_render_var {
   // driver:parameters:aov:channel_prefix.
   const char *channel_prefix;
 } trz_render_var;
+
+// A render product (UsdRenderProduct) as authored, and what its image is rendered with. Texts are
+// UTF-8; NULL where nothing is authored.
+typedef struct trz_product {
+  // sizeof(trz_product).
+  uint32_t struct_size;
+  // pixelAspectRatio.
+  float pixel_aspect;
+  // Path of the prim.
+  const char *path;
+  // productType.
+  const char *type;
+  // productName: a path with .exr or .png at its end. Places for the frame (####, ##.##, <F4>, $F4,
+  // ${F4}, %04d) are filled in.
+  const char *name;
+  // The camera to render through; 0 where there is none at camera_path.
+  trz_id camera;
+  // Path of the camera.
+  const char *camera_path;
+  // Width over height of the camera's film back; 0 where it is not known.
+  double camera_aspect;
+  // Width and height.
+  int32_t resolution[2];
+  // dataWindowNDC: xmin, ymin, xmax, ymax, y up; 0 0 1 1 is the image.
+  float data_window[4];
+  // aspectRatioConformPolicy.
+  const char *conform;
+  // Settings of the render, but for the shape of the image.
+  const struct trz_settings *settings;
+  // orderedVars.
+  const struct trz_render_var *vars;
+  // Number of vars; 0: color is written.
+  size_t var_count;
+} trz_product;
+
+// Size and type of an AOV. It covers the image and the data window; what was not rendered of them
+// is background.
+typedef struct trz_aov_desc {
+  // sizeof(trz_aov_desc).
+  uint32_t struct_size;
+  // Pixels across; the image's width unless there is overscan.
+  uint32_t width;
+  // Pixels down.
+  uint32_t height;
+  // Components a pixel; each takes 4 bytes.
+  uint32_t components;
+  // TRZ_FORMAT_*.
+  uint32_t format;
+  // Column of the image that the first pixel is in; below 0 with overscan to the left.
+  int32_t origin_x;
+  // Row of the image that the first pixel is in; below 0 with overscan above.
+  int32_t origin_y;
+} trz_aov_desc;
 
 // How an image file is written.
 typedef struct trz_image {
@@ -1440,6 +1556,22 @@ trz_result trz_prim_set_instancer(struct trz_session *session,
                                   trz_id instancer,
                                   uint32_t prototype);
 
+// Fills out, whose struct_size the caller has set, with a setting that has a name. They are numbered from
+// 0 on, in the order in which hosts show them.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT (struct_size), TRZ_ERROR_NOT_FOUND (there
+// are not so many). Threads: any.
+trz_result trz_setting_describe(size_t index,
+                                struct trz_setting *out);
+
+// Sets the fields of settings that a setting's name stands for. Where the value cannot be they stay, and
+// trz_last_error tells what "it must be".
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_NOT_FOUND (name), TRZ_ERROR_INVALID_ARGUMENT. Threads: any.
+trz_result trz_settings_set(struct trz_settings *settings,
+                            const char *name,
+                            const struct trz_value *value);
+
 // Fills out, whose struct_size the caller has set, with the defaults of a new session.
 //
 // Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT (struct_size). Threads: any.
@@ -1543,6 +1675,37 @@ trz_result trz_scene_dump(struct trz_session *session,
                           char *buffer,
                           size_t capacity,
                           size_t *out_needed);
+
+// Has the products and the view rendered on a thread of the session, and returns at once: commits what
+// is queued, and renders one image after the other, each from the first sample. Those that agree in
+// camera and settings are one. Products are written when their samples were taken, then the view is
+// rendered, which AOVs can be read of. What runs is given up; nothing is done where the same was asked
+// for last and nothing was edited since. trz_render_progress tells how far it is. Settings, AOVs and
+// the active camera of the session are those of the image that is rendered.
+//
+// Products that cannot be are left out, and a backend that is not there is replaced, with one warning. A
+// render that fails and a file that cannot be written give a message. Not to be mixed with
+// trz_render_start.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND (camera),
+// TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_POISONED. Threads: any.
+trz_result trz_view_render(struct trz_session *session,
+                           const struct trz_view *view,
+                           const struct trz_product *const *products,
+                           size_t product_count);
+
+// Gives up what trz_view_render has rendered, and keeps it from rendering until trz_view_resume; 1: waits
+// until nothing runs. What was rendered can be read.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_BUSY (waiting inside a log
+// callback), TRZ_ERROR_POISONED. Threads: any.
+trz_result trz_view_stop(struct trz_session *session,
+                         uint32_t wait);
+
+// Ends trz_view_stop: what was given up is rendered anew.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_POISONED. Threads: any.
+trz_result trz_view_resume(struct trz_session *session);
 
 // Fills out, whose struct_size the caller has set, with the size and type of an AOV of the last
 // render that was started.

@@ -218,6 +218,19 @@ pub const TRZ_BACKEND_CPU: u32 = 1;
 /// lost, give one warning, and the CPU renders, or goes on from the samples that there are.
 pub const TRZ_BACKEND_GPU: u32 = 2;
 
+/// Something that no setting has.
+pub const TRZ_VALUE_NONE: u32 = 0;
+/// True or false.
+pub const TRZ_VALUE_BOOL: u32 = 1;
+/// A whole number.
+pub const TRZ_VALUE_INTEGER: u32 = 2;
+/// A number.
+pub const TRZ_VALUE_REAL: u32 = 3;
+/// A word.
+pub const TRZ_VALUE_TEXT: u32 = 4;
+/// Two numbers.
+pub const TRZ_VALUE_PAIR: u32 = 5;
+
 /// A driver that computes on the CPU.
 pub const TRZ_DEVICE_SOFTWARE: u32 = 0;
 /// Unknown, or virtual.

@@ -30,6 +30,14 @@ impl Fault {
         Self::new(TRZ_ERROR_INVALID_ARGUMENT, message)
     }
 
+    pub fn code(&self) -> trz_result {
+        self.code
+    }
+
+    pub fn message(&self) -> &str {
+        &self.message
+    }
+
     pub fn null(what: &str) -> Self {
         Self::new(TRZ_ERROR_NULL_POINTER, format!("{what} is null"))
     }
@@ -81,13 +89,24 @@ pub(crate) unsafe fn with_session(
     session: *const trz_session,
     body: impl FnOnce(&Session) -> Result<(), Fault>,
 ) -> trz_result {
+    // SAFETY: as this function's caller promises.
+    unsafe { with_handle(session, |handle| body(&handle.session)) }
+}
+
+/// As [`with_session`], for what belongs to a session beside it.
+///
+/// # Safety
+/// `session` is null or a live session.
+pub(crate) unsafe fn with_handle(
+    session: *const trz_session,
+    body: impl FnOnce(&trz_session) -> Result<(), Fault>,
+) -> trz_result {
     // SAFETY: as this function's caller promises; only shared references are made of a session.
     let Some(session) = (unsafe { session.as_ref() }) else {
         return finish(Ok(Err(Fault::null("session"))), |_| ());
     };
-    let session = &session.session;
     let outcome = catch_unwind(AssertUnwindSafe(|| body(session)));
-    finish(outcome, |why| session.poison(why))
+    finish(outcome, |why| session.session.poison(why))
 }
 
 fn finish(

@@ -42,7 +42,7 @@ macro_rules! versioned {
 versioned! {
     trz_topology trz_points trz_primvar trz_instancer trz_curves trz_grids trz_implicit
     trz_nurbs_patch trz_nurbs_curves trz_camera trz_settings trz_progress trz_statistics
-    trz_aov_desc trz_image trz_device
+    trz_aov_desc trz_image trz_device trz_setting trz_view trz_product
 }
 
 /// The size that a versioned struct says it has, checked.
@@ -188,6 +188,18 @@ pub(crate) unsafe fn text<'a>(text: *const c_char, what: &str) -> Result<&'a str
     let text = unsafe { CStr::from_ptr(text) };
     text.to_str()
         .map_err(|_| Fault::invalid(format!("{what} is not UTF-8")))
+}
+
+/// A string of the caller, empty for null.
+///
+/// # Safety
+/// As for [`text`].
+pub(crate) unsafe fn text_or_empty(at: *const c_char, what: &str) -> Result<String, Fault> {
+    match at.is_null() {
+        true => Ok(String::new()),
+        // SAFETY: as this function's caller promises.
+        false => unsafe { text(at, what) }.map(str::to_owned),
+    }
 }
 
 /// Copies of the caller's strings.

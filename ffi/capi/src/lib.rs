@@ -5,7 +5,7 @@
 //! crate but checking, copying and translating.
 //!
 //! Layers: `constants` and `types` are what the header shows; `session`, `scene`, `instancer`,
-//! `render` and `output` hold the exported functions; `input` reads what callers pass, `convert` translates it,
+//! `setting`, `render`, `view` and `output` hold the exported functions; `input` reads what callers pass, `convert` translates it,
 //! `fault` carries failures and catches panics.
 //!
 //! From Rust the same functions can be called directly; what the header demands of pointers is
@@ -26,7 +26,9 @@ pub mod output;
 pub mod render;
 pub mod scene;
 pub mod session;
+pub mod setting;
 pub mod types;
+pub mod view;
 
 use hdtrapeze_core::surface::SubdivisionFactory;
 use hdtrapeze_delegate::Session;
@@ -39,13 +41,14 @@ pub use output::*;
 pub use render::*;
 pub use scene::*;
 pub use session::*;
+pub use setting::*;
 pub use types::*;
+pub use view::*;
 
 /// A session for the functions of the ABI that subdivides with `factory` in place of OpenSubdiv:
 /// for Rust hosts and tests. It is given back to `trz_session_destroy`.
 pub fn session_with(factory: Box<dyn SubdivisionFactory>) -> *mut trz_session {
-    let session = Session::new(factory);
-    Box::into_raw(Box::new(trz_session { session }))
+    Box::into_raw(Box::new(trz_session::new(Session::new(factory))))
 }
 
 fn default_factory() -> Box<dyn SubdivisionFactory> {

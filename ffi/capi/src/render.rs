@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use hdtrapeze_core::scene::RenderSettings;
 
-use crate::fault::{Fault, call, with_session};
+use crate::fault::{Fault, call, with_handle, with_session};
 use crate::types::*;
 use crate::{convert, input, session};
 
@@ -165,8 +165,11 @@ pub unsafe extern "C" fn trz_render_progress(
 ) -> trz_result {
     // SAFETY: the caller passes null or valid pointers.
     unsafe {
-        with_session(session, |session| {
-            input::write(out, convert::progress_to_c(&session.progress()?), "out")
+        with_handle(session, |handle| {
+            let session = &handle.session;
+            let (progress, edits) = (session.progress()?, session.edits());
+            let progress = convert::progress_to_c(&progress, edits, handle.render_loop.progress());
+            input::write(out, progress, "out")
         })
     }
 }

@@ -8,10 +8,25 @@
 #![allow(non_camel_case_types)]
 
 use std::ffi::{c_char, c_void};
+use std::sync::Arc;
+
+use hdtrapeze_delegate::{RenderLoop, Session};
 
 /// A session: scene, renderer and images. Made by trz_session_create.
 pub struct trz_session {
-    pub(crate) session: hdtrapeze_delegate::Session,
+    // First, since it ends before what it renders.
+    pub(crate) render_loop: RenderLoop,
+    pub(crate) session: Arc<Session>,
+}
+
+impl trz_session {
+    pub(crate) fn new(session: Session) -> Self {
+        let session = Arc::new(session);
+        Self {
+            render_loop: RenderLoop::new(Arc::clone(&session)),
+            session,
+        }
+    }
 }
 
 /// A prim or camera of one session; 0 is none; never reused.
@@ -556,6 +571,100 @@ pub struct trz_settings {
     /// 1: what may be hidden is diced when a ray first comes near it, and not at all where none does; the
     /// image is the same. 0: everything is diced by the commit.
     pub occlusion_culling: u32,
+    /// TRZ_COMPRESSION_*: of the EXR files of products.
+    pub compression: u32,
+    /// TRZ_PIXEL_*: of the EXR files of products; ids and depths are always 32 bits.
+    pub pixel_type: u32,
+    /// Time codes a second that a setting tells, 0 for none: for hosts that do not know their stage's,
+    /// which prims with velocities need. A render does not.
+    pub time_codes_per_second: f64,
+}
+
+/// A value of a setting.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct trz_value {
+    /// TRZ_VALUE_*: which of the fields below counts.
+    pub kind: u32,
+    /// TRZ_VALUE_INTEGER; TRZ_VALUE_BOOL: 0 or 1.
+    pub integer: i64,
+    /// TRZ_VALUE_PAIR; TRZ_VALUE_REAL: the first one.
+    pub numbers: [f64; 2],
+    /// TRZ_VALUE_TEXT, UTF-8.
+    pub text: *const c_char,
+}
+
+/// A setting that has a name, for the panels of hosts and for attributes of RenderSettings and
+/// RenderProduct prims. Texts are owned by the library, valid for ever.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct trz_setting {
+    /// sizeof(trz_setting).
+    pub struct_size: u32,
+    /// 1 where prims have it, too; 0: the host's alone.
+    pub of_prims: u32,
+    /// Such as trapeze:samples.
+    pub name: *const c_char,
+    /// What hosts show it as; NULL: it is not shown.
+    pub label: *const c_char,
+    /// Its value where nobody has an opinion; TRZ_VALUE_NONE: none.
+    pub fallback: trz_value,
+}
+
+/// What is rendered, besides the scene.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct trz_view {
+    /// sizeof(trz_view).
+    pub struct_size: u32,
+    /// Number of names.
+    pub aov_count: u32,
+    /// The camera to render through, 0 for none.
+    pub camera: trz_id,
+    /// Settings of the render.
+    pub settings: *const trz_settings,
+    /// Names of the AOVs to render.
+    pub aovs: *const *const c_char,
+    /// The frame, for names and metadata of files; not finite at the default time.
+    pub frame: f64,
+    /// Path of the RenderSettings prim that products are of; NULL for none.
+    pub settings_path: *const c_char,
+}
+
+/// A render product (UsdRenderProduct) as authored, and what its image is rendered with. Texts are
+/// UTF-8; NULL where nothing is authored.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct trz_product {
+    /// sizeof(trz_product).
+    pub struct_size: u32,
+    /// pixelAspectRatio.
+    pub pixel_aspect: f32,
+    /// Path of the prim.
+    pub path: *const c_char,
+    /// productType.
+    pub r#type: *const c_char,
+    /// productName: a path with .exr or .png at its end. Places for the frame (####, ##.##, <F4>, $F4,
+    /// ${F4}, %04d) are filled in.
+    pub name: *const c_char,
+    /// The camera to render through; 0 where there is none at camera_path.
+    pub camera: trz_id,
+    /// Path of the camera.
+    pub camera_path: *const c_char,
+    /// Width over height of the camera's film back; 0 where it is not known.
+    pub camera_aspect: f64,
+    /// Width and height.
+    pub resolution: [i32; 2],
+    /// dataWindowNDC: xmin, ymin, xmax, ymax, y up; 0 0 1 1 is the image.
+    pub data_window: [f32; 4],
+    /// aspectRatioConformPolicy.
+    pub conform: *const c_char,
+    /// Settings of the render, but for the shape of the image.
+    pub settings: *const trz_settings,
+    /// orderedVars.
+    pub vars: *const trz_render_var,
+    /// Number of vars; 0: color is written.
+    pub var_count: usize,
 }
 
 /// How far a render is.
@@ -576,6 +685,18 @@ pub struct trz_progress {
     pub seconds: f64,
     /// Estimate; negative while unknown.
     pub seconds_left: f64,
+    /// Edits of prims, instancers and cameras that were queued so far.
+    pub edits: u64,
+    /// Those of cameras.
+    pub camera_edits: u64,
+    /// How often trz_view_render has started to render anew.
+    pub view_starts: u64,
+    /// Number of the render of trz_view_render that AOVs can be read of, 0 for none; it grows with each.
+    pub view_readable: u64,
+    /// 1: nothing more comes of trz_view_render: all samples were taken, or it failed, or it was stopped.
+    pub view_converged: u32,
+    /// 1: trz_view_stop holds, and nothing runs.
+    pub view_stopped: u32,
 }
 
 /// A GPU, or what stands in for one. Texts end with a NUL, and are cut where they are longer.

@@ -126,10 +126,18 @@ fn all_layouts() -> Layouts {
             filter, filter_width, seed, threads, override_shutter, shutter_open, shutter_close,
             disable_motion_blur, disable_defocus, camera_light, time_window, fix_lens, lens_point,
             max_micropolygons, backend, curves, keep_finer, cull,
-            occlusion_culling,
+            occlusion_culling, compression, pixel_type, time_codes_per_second,
+        }
+        trz_value { kind, integer, numbers, text }
+        trz_setting { struct_size, of_prims, name, label, fallback }
+        trz_view { struct_size, aov_count, camera, settings, aovs, frame, settings_path }
+        trz_product {
+            struct_size, pixel_aspect, path, r#type, name, camera, camera_path, camera_aspect, resolution,
+            data_window, conform, settings, vars, var_count,
         }
         trz_progress {
-            struct_size, state, fraction, samples_done, samples_total, seconds, seconds_left,
+            struct_size, state, fraction, samples_done, samples_total, seconds, seconds_left, edits,
+            camera_edits, view_starts, view_readable, view_converged, view_stopped,
         }
         trz_statistics {
             struct_size, prims, instances, objects, grids, micropolygons, limit_evaluations,

@@ -4,13 +4,15 @@
 
 use std::path::Path;
 
-const SOURCES: [&str; 8] = [
+const SOURCES: [&str; 10] = [
     "constants",
     "types",
     "session",
     "scene",
     "instancer",
+    "setting",
     "render",
+    "view",
     "output",
     "device",
 ];

@@ -8,6 +8,7 @@ mod primvar;
 mod scene;
 mod settings;
 mod subset;
+mod view;
 
 use crate::fault::Fault;
 
@@ -18,6 +19,7 @@ pub(crate) use primvar::*;
 pub(crate) use scene::*;
 pub(crate) use settings::*;
 pub(crate) use subset::*;
+pub(crate) use view::*;
 
 /// The element of `values` that an enum-like field stands for.
 fn pick<T: Copy>(values: &[T], number: u32, what: &str) -> Result<T, Fault> {

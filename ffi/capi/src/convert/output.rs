@@ -1,22 +1,25 @@
 //! Progress, statistics, AOVs, image files, rays and hits.
 
-use std::ffi::c_char;
-
 use glam::{DVec3, Vec3};
 use hdtrapeze_core::aov::{AovData, AovImage};
 use hdtrapeze_core::render::{WorldHit, WorldRay};
 use hdtrapeze_delegate::file::{FileType, ImageOptions};
 use hdtrapeze_delegate::image::{ExrCompression, ExrOptions, ExrPixelType, PngColor};
 use hdtrapeze_delegate::product::RenderVar;
-use hdtrapeze_delegate::{AovShape, Progress, State, Statistics};
+use hdtrapeze_delegate::render_loop::LoopProgress;
+use hdtrapeze_delegate::{AovShape, Edits, Progress, State, Statistics};
 
 use super::{pick, refuse};
 use crate::constants::*;
 use crate::fault::Fault;
-use crate::input::{check_slice, slice, text, texts};
+use crate::input::{check_slice, slice, text, text_or_empty, texts};
 use crate::types::*;
 
-pub(crate) fn progress_to_c(from: &Progress) -> trz_progress {
+pub(crate) fn progress_to_c(
+    from: &Progress,
+    edits: Edits,
+    render_loop: LoopProgress,
+) -> trz_progress {
     trz_progress {
         struct_size: 0,
         state: match from.state {
@@ -33,6 +36,12 @@ pub(crate) fn progress_to_c(from: &Progress) -> trz_progress {
         samples_total: from.samples_total,
         seconds: from.seconds,
         seconds_left: from.seconds_left.unwrap_or(-1.0),
+        edits: edits.all,
+        camera_edits: edits.of_cameras,
+        view_starts: render_loop.starts,
+        view_readable: render_loop.readable,
+        view_converged: render_loop.converged.into(),
+        view_stopped: render_loop.stopped.into(),
     }
 }
 
@@ -90,8 +99,7 @@ pub(crate) fn aov_bytes(image: &AovImage) -> &[u8] {
     }
 }
 
-/// Safety: pointers in the struct are null or as the header says.
-pub(crate) unsafe fn image(from: &trz_image) -> Result<ImageOptions, Fault> {
+pub(crate) fn exr(pixel_type: u32, compression: u32) -> Result<ExrOptions, Fault> {
     let pixels = [ExrPixelType::Half, ExrPixelType::Float];
     let compressions = [
         ExrCompression::None,
@@ -100,6 +108,14 @@ pub(crate) unsafe fn image(from: &trz_image) -> Result<ImageOptions, Fault> {
         ExrCompression::Zip,
         ExrCompression::Piz,
     ];
+    Ok(ExrOptions {
+        pixel_type: pick(&pixels, pixel_type, "pixel_type")?,
+        compression: pick(&compressions, compression, "compression")?,
+    })
+}
+
+/// Safety: pointers in the struct are null or as the header says.
+pub(crate) unsafe fn image(from: &trz_image) -> Result<ImageOptions, Fault> {
     let colors = [PngColor::Linear, PngColor::Srgb];
     if !from.metadata_count.is_multiple_of(2) {
         return refuse("metadata_count", from.metadata_count, "is odd");
@@ -110,20 +126,11 @@ pub(crate) unsafe fn image(from: &trz_image) -> Result<ImageOptions, Fault> {
         (
             texts(from.aovs, from.aov_count, "aovs")?,
             texts(from.metadata, from.metadata_count, "metadata")?,
-            slice(from.vars, from.var_count, "vars")?,
+            render_vars(from.vars, from.var_count)?,
         )
     };
-    let vars: Result<_, Fault> = vars
-        .iter()
-        // SAFETY: as the caller promises.
-        .map(|var| unsafe { render_var(var) })
-        .collect();
-    let vars = vars?;
     let (metadata, _) = metadata.as_chunks::<2>();
-    let exr = ExrOptions {
-        pixel_type: pick(&pixels, from.pixel_type, "pixel_type")?,
-        compression: pick(&compressions, from.compression, "compression")?,
-    };
+    let exr = exr(from.pixel_type, from.compression)?;
     Ok(ImageOptions {
         file: pick(&[FileType::Exr(exr), FileType::Png], from.r#type, "type")?,
         color: pick(&colors, from.color, "color")?,
@@ -136,14 +143,24 @@ pub(crate) unsafe fn image(from: &trz_image) -> Result<ImageOptions, Fault> {
     })
 }
 
+/// Safety: pointers are null or as the header says.
+pub(crate) unsafe fn render_vars(
+    first: *const trz_render_var,
+    count: usize,
+) -> Result<Vec<RenderVar>, Fault> {
+    // SAFETY: as the caller promises.
+    let vars = unsafe { slice(first, count, "vars") }?;
+    vars.iter()
+        // SAFETY: as the caller promises.
+        .map(|var| unsafe { render_var(var) })
+        .collect()
+}
+
 /// Safety: pointers in the struct are null or as the header says.
 pub(crate) unsafe fn render_var(from: &trz_render_var) -> Result<RenderVar, Fault> {
-    let optional = |at: *const c_char, what: &str| match at.is_null() {
-        true => Ok(None),
-        // SAFETY: as the caller promises.
-        false => unsafe { text(at, what) }.map(|text| Some(text.to_owned())),
-    };
-    let or_empty = |at, what| optional(at, what).map(Option::unwrap_or_default);
+    // SAFETY: as the caller promises.
+    let or_empty = |at, what| unsafe { text_or_empty(at, what) };
+    let prefix = or_empty(from.channel_prefix, "channel_prefix")?;
     Ok(RenderVar {
         // SAFETY: as the caller promises.
         path: unsafe { text(from.path, "path") }?.to_owned(),
@@ -152,7 +169,7 @@ pub(crate) unsafe fn render_var(from: &trz_render_var) -> Result<RenderVar, Faul
         data_type: or_empty(from.data_type, "data_type")?,
         format: or_empty(from.format, "format")?,
         name: or_empty(from.name, "name")?,
-        channel_prefix: optional(from.channel_prefix, "channel_prefix")?,
+        channel_prefix: (!from.channel_prefix.is_null()).then_some(prefix),
     })
 }
 

@@ -5,7 +5,7 @@ use hdtrapeze_core::scene::{Backend, Cull, CurveForm, FilterKind, RenderSettings
 use hdtrapeze_delegate::backend;
 
 use super::scene::curve_form;
-use super::{pick, refuse};
+use super::{output, pick, refuse};
 use crate::constants::*;
 use crate::fault::Fault;
 use crate::input::flag;
@@ -71,6 +71,11 @@ pub(crate) fn settings(from: &trz_settings) -> Result<RenderSettings, Fault> {
     }
     let chosen = pick(&BACKENDS, from.backend, "backend")?;
     backend::open(chosen)?;
+    output::exr(from.pixel_type, from.compression)?;
+    let told = from.time_codes_per_second;
+    if !(told.is_finite() && told >= 0.0) {
+        return refuse("time_codes_per_second", told, "is below 0, or not finite");
+    }
     let defaults = RenderSettings::default();
     Ok(RenderSettings {
         resolution: [from.width, from.height],
@@ -201,6 +206,9 @@ pub(crate) fn settings_to_c(from: &RenderSettings) -> trz_settings {
         keep_finer: from.keep_finer.into(),
         cull: number(CULLS.iter().position(|&c| c == from.cull)),
         occlusion_culling: from.occlusion_culling.into(),
+        compression: TRZ_COMPRESSION_ZIP,
+        pixel_type: TRZ_PIXEL_HALF,
+        time_codes_per_second: 0.0,
     }
 }
 

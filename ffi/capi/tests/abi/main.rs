@@ -11,6 +11,8 @@ mod motion;
 mod nulls;
 mod panics;
 mod rays;
+mod settings;
 mod shapes;
 mod support;
 mod threads;
+mod views;

@@ -1,45 +1,11 @@
 //! The log callback.
 
-use std::ffi::{CStr, c_char, c_void};
-use std::sync::Mutex;
+use std::ffi::{c_char, c_void};
 use std::sync::atomic::{AtomicI32, AtomicUsize, Ordering};
 
 use hdtrapeze::*;
 
 use crate::support::*;
-
-#[derive(Default)]
-struct Received(Mutex<Vec<(u32, String, String, String)>>);
-
-impl Received {
-    fn user(&self) -> *mut c_void {
-        (&raw const *self).cast_mut().cast()
-    }
-
-    fn take(&self) -> Vec<(u32, String, String, String)> {
-        std::mem::take(&mut *self.0.lock().unwrap())
-    }
-}
-
-unsafe extern "C" fn receive(
-    user: *mut c_void,
-    level: u32,
-    path: *const c_char,
-    code: *const c_char,
-    text: *const c_char,
-) {
-    // SAFETY: `user` is the `Received` of the test, the strings are valid during the call.
-    unsafe {
-        let string = |at| CStr::from_ptr(at).to_str().unwrap().to_owned();
-        let message = (level, string(path), string(code), string(text));
-        (*user.cast::<Received>()).0.lock().unwrap().push(message);
-    }
-}
-
-fn listen(session: &Session, received: &Received, level: u32) {
-    // SAFETY: `received` outlives the session's use of it in these tests.
-    ok(unsafe { trz_session_set_log(session.0, Some(receive), received.user(), level) });
-}
 
 fn silence(session: &Session) {
     // SAFETY: no callback.

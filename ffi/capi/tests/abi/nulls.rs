@@ -63,6 +63,9 @@ fn null_session() {
         trz_render_interrupt(s);
         trz_render_pause(s, 0);
         trz_render_progress(s, null_mut());
+        trz_view_render(s, null(), null(), 0);
+        trz_view_stop(s, 0);
+        trz_view_resume(s);
         trz_statistics_get(s, null_mut());
         trz_explain(s, null_mut(), 0, &mut 0);
         trz_scene_dump(s, null_mut(), 0, &mut 0);
@@ -101,6 +104,9 @@ fn null_arguments() {
     let instancer = session.instancer("/instancer");
     let name = c"a".as_ptr();
     let no_name = [null()];
+    let settings = settings_default();
+    let unnamed = product(null(), &settings);
+    let unnamed = &raw const unnamed;
     let mut bad_topology = topology();
     bad_topology.face_count = 1;
     let size = |bytes: usize| bytes as u32;
@@ -288,6 +294,15 @@ fn null_arguments() {
         trz_session_create(null_mut());
         trz_camera_default(null_mut());
         trz_settings_default(null_mut());
+        trz_setting_describe(0, null_mut());
+        trz_settings_set(null_mut(), name, &NO_VALUE);
+        trz_settings_set(&mut settings_default(), null(), &NO_VALUE);
+        trz_settings_set(&mut settings_default(), name, null());
+        trz_view_render(s, null(), null(), 0);
+        trz_view_render(s, &view(&settings_default(), &no_name), null(), 0);
+        trz_view_render(s, &view(&settings_default(), &[]), null(), 1);
+        trz_view_render(s, &view(&settings_default(), &[]), [null()].as_ptr(), 1);
+        trz_view_render(s, &view(&settings_default(), &[]), &unnamed, 1);
         trz_mesh_create(s, null(), &mut 0);
         trz_mesh_create(s, name, null_mut());
         trz_grids_create(s, null(), &mut 0);

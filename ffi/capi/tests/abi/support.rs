@@ -1,7 +1,10 @@
 //! Sessions and small scenes for the tests.
 
-use std::ffi::{CStr, CString, c_char};
+use std::ffi::{CStr, CString, c_char, c_void};
+use std::fs;
+use std::path::PathBuf;
 use std::ptr::null;
+use std::sync::Mutex;
 
 use hdtrapeze::*;
 
@@ -227,6 +230,12 @@ impl Session {
             samples_total: 0,
             seconds: 0.0,
             seconds_left: 0.0,
+            edits: 0,
+            camera_edits: 0,
+            view_starts: 0,
+            view_readable: 0,
+            view_converged: 0,
+            view_stopped: 0,
         };
         // SAFETY: pointers to live values.
         ok(unsafe { trz_render_progress(self.0, &mut progress) });
@@ -409,6 +418,46 @@ pub fn small_settings(samples: u32) -> trz_settings {
     }
 }
 
+pub const NO_VALUE: trz_value = trz_value {
+    kind: TRZ_VALUE_NONE,
+    integer: 0,
+    numbers: [0.0; 2],
+    text: null(),
+};
+
+/// A view without a camera, at frame 7.
+pub fn view(settings: &trz_settings, aovs: &[*const c_char]) -> trz_view {
+    trz_view {
+        struct_size: size_of::<trz_view>() as u32,
+        aov_count: aovs.len() as u32,
+        camera: 0,
+        settings,
+        aovs: aovs.as_ptr(),
+        frame: 7.0,
+        settings_path: null(),
+    }
+}
+
+/// A product without name, camera and vars, of 16 x 8 pixels.
+pub fn product(path: *const c_char, settings: &trz_settings) -> trz_product {
+    trz_product {
+        struct_size: size_of::<trz_product>() as u32,
+        pixel_aspect: 1.0,
+        path,
+        r#type: c"raster".as_ptr(),
+        name: null(),
+        camera: 0,
+        camera_path: null(),
+        camera_aspect: 0.0,
+        resolution: [16, 8],
+        data_window: [0.0, 0.0, 1.0, 1.0],
+        conform: null(),
+        settings,
+        vars: null(),
+        var_count: 0,
+    }
+}
+
 pub fn last_error() -> String {
     // SAFETY: a string that is valid until the next call on this thread.
     unsafe { CStr::from_ptr(trz_last_error()) }
@@ -447,5 +496,57 @@ pub fn primvar() -> trz_primvar {
         value_counts: &0,
         indices: null(),
         index_counts: null(),
+    }
+}
+
+/// Messages of a session: level, path, code and text.
+#[derive(Default)]
+pub struct Received(Mutex<Vec<(u32, String, String, String)>>);
+
+impl Received {
+    pub fn user(&self) -> *mut c_void {
+        (&raw const *self).cast_mut().cast()
+    }
+
+    /// What came since the last call.
+    pub fn take(&self) -> Vec<(u32, String, String, String)> {
+        std::mem::take(&mut *self.0.lock().unwrap())
+    }
+}
+
+unsafe extern "C" fn receive(
+    user: *mut c_void,
+    level: u32,
+    path: *const c_char,
+    code: *const c_char,
+    text: *const c_char,
+) {
+    // SAFETY: `user` is the `Received` of the test, the strings are valid during the call.
+    unsafe {
+        let string = |at| CStr::from_ptr(at).to_str().unwrap().to_owned();
+        let message = (level, string(path), string(code), string(text));
+        (*user.cast::<Received>()).0.lock().unwrap().push(message);
+    }
+}
+
+pub fn listen(session: &Session, received: &Received, level: u32) {
+    // SAFETY: `received` outlives the session's use of it in these tests.
+    ok(unsafe { trz_session_set_log(session.0, Some(receive), received.user(), level) });
+}
+
+/// A folder of its own for each test, removed at the end.
+pub struct Folder(pub PathBuf);
+
+impl Folder {
+    pub fn new(name: &str) -> Self {
+        let folder = std::env::temp_dir().join(format!("hdtrapeze-{}-{name}", std::process::id()));
+        fs::create_dir_all(&folder).unwrap();
+        Folder(folder)
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = fs::remove_dir_all(&self.0);
     }
 }

@@ -1,0 +1,329 @@
+//! Renders for hosts that wait for nothing: edits are committed and views rendered on a thread of the
+//! loop, several views one after the other, and files written of them.
+//!
+//! What runs is given up as soon as something else is asked for.
+
+use std::path::PathBuf;
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::{Builder, JoinHandle};
+use std::time::Duration;
+
+use hdtrapeze_core::scene::{PrimId, RenderSettings};
+
+use crate::edit::Edits;
+use crate::error::Error;
+use crate::file::ImageOptions;
+use crate::progress::State as SessionState;
+use crate::session::Session;
+use crate::status::lock;
+
+/// What is rendered, besides the scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct View {
+    /// The camera to render through.
+    pub camera: Option<PrimId>,
+    /// With the AOVs.
+    pub settings: RenderSettings,
+}
+
+/// A file of a render.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Output {
+    /// Path of the prim that asks for it, which is told where it cannot be written.
+    pub owner: String,
+    /// Where it is written.
+    pub path: PathBuf,
+    /// What is written, and how.
+    pub image: ImageOptions,
+}
+
+/// One render, and the files that are written of it once all samples were taken.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Job {
+    /// What is rendered.
+    pub view: View,
+    /// What is written.
+    pub files: Vec<Output>,
+}
+
+/// How far a loop is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LoopProgress {
+    /// How often renders were started.
+    pub starts: u64,
+    /// The number of the render that AOVs can be read of, 0 for none; it grows with each.
+    pub readable: u64,
+    /// It starts nothing until it is resumed, and nothing runs.
+    pub stopped: bool,
+    /// Nothing more comes: all samples were taken, or it failed, or it was stopped.
+    pub converged: bool,
+}
+
+/// See the module. Every method may be called from any thread. Dropped, it cancels what runs.
+pub struct RenderLoop {
+    inner: Arc<Inner>,
+    thread: Mutex<Option<JoinHandle<()>>>,
+}
+
+struct Inner {
+    session: Arc<Session>,
+    state: Mutex<State>,
+    changed: Condvar,
+}
+
+#[derive(Default)]
+struct State {
+    jobs: Arc<Vec<Job>>,
+    /// Of the session when the jobs were asked for.
+    edits: Edits,
+    /// There were several jobs once: the session may be between two of them, so that each is queued
+    /// just before it is rendered. A single one is queued at once.
+    has_several: bool,
+    wanted: u64,
+    started: u64,
+    readable: u64,
+    finished: u64,
+    busy: bool,
+    stopped: bool,
+    quit: bool,
+    /// Why the last render failed: told once on end, whatever is edited meanwhile.
+    failure: String,
+}
+
+impl State {
+    fn is_given_up(&self, mine: u64) -> bool {
+        self.quit || self.stopped || self.wanted != mine
+    }
+}
+
+impl RenderLoop {
+    /// A loop that has nothing to render yet.
+    pub fn new(session: Arc<Session>) -> Self {
+        Self {
+            inner: Arc::new(Inner {
+                session,
+                state: Mutex::default(),
+                changed: Condvar::new(),
+            }),
+            thread: Mutex::default(),
+        }
+    }
+
+    /// Makes the renders one after the other, each from the first sample; what runs is given up. Only
+    /// the last can be read. Does nothing where they are the ones that were asked for last, and
+    /// nothing was edited since.
+    pub fn render(&self, jobs: Vec<Job>) -> Result<(), Error> {
+        let inner = &self.inner;
+        inner.session.check()?;
+        let edits = inner.session.edits();
+        let mut state = inner.lock();
+        if state.wanted > 0 && state.edits == edits && *state.jobs == jobs {
+            return Ok(());
+        }
+        self.begin_thread()?;
+        state.has_several |= jobs.len() > 1;
+        if let (false, [job]) = (state.has_several, &*jobs) {
+            inner.queue(&job.view)?;
+        }
+        state.edits = edits;
+        state.jobs = Arc::new(jobs);
+        state.wanted += 1;
+        let running = state.busy;
+        drop(state);
+        inner.changed.notify_all();
+        match running {
+            true => inner.session.interrupt(),
+            false => Ok(()),
+        }
+    }
+
+    /// Gives up what runs, and starts nothing until it is resumed. What was rendered stays readable.
+    pub fn stop(&self, wait: bool) -> Result<(), Error> {
+        let inner = &self.inner;
+        if wait {
+            inner.session.may_wait()?;
+        }
+        inner.lock().stopped = true;
+        inner.changed.notify_all();
+        inner.session.interrupt()?;
+        let mut state = inner.lock();
+        while wait && state.busy {
+            state = inner.wait(state);
+        }
+        Ok(())
+    }
+
+    /// Ends a stop: renders anew where something was given up.
+    pub fn resume(&self) -> Result<(), Error> {
+        self.inner.session.check()?;
+        let mut state = self.inner.lock();
+        if state.stopped {
+            state.stopped = false;
+            if state.finished < state.wanted {
+                state.wanted += 1;
+            }
+            self.inner.changed.notify_all();
+        }
+        Ok(())
+    }
+
+    /// How far it is.
+    pub fn progress(&self) -> LoopProgress {
+        let state = self.inner.lock();
+        LoopProgress {
+            starts: state.wanted,
+            readable: state.readable,
+            stopped: state.stopped && !state.busy,
+            converged: match state.stopped {
+                true => !state.busy,
+                false => state.finished == state.wanted,
+            },
+        }
+    }
+
+    fn begin_thread(&self) -> Result<(), Error> {
+        let mut thread = lock(&self.thread);
+        if thread.is_none() {
+            let inner = Arc::clone(&self.inner);
+            let spawned = Builder::new()
+                .name("hdtrapeze-loop".to_owned())
+                .spawn(move || inner.run());
+            *thread =
+                Some(spawned.map_err(|error| {
+                    Error::OutOfMemory(format!("cannot start a thread: {error}"))
+                })?);
+        }
+        Ok(())
+    }
+}
+
+impl Drop for RenderLoop {
+    fn drop(&mut self) {
+        let Some(thread) = lock(&self.thread).take() else {
+            return;
+        };
+        self.inner.lock().quit = true;
+        self.inner.changed.notify_all();
+        // A session that is poisoned runs nothing.
+        let _ = self.inner.session.interrupt();
+        let _ = thread.join();
+    }
+}
+
+impl Inner {
+    fn lock(&self) -> MutexGuard<'_, State> {
+        lock(&self.state)
+    }
+
+    fn wait<'a>(&self, state: MutexGuard<'a, State>) -> MutexGuard<'a, State> {
+        self.changed
+            .wait(state)
+            .unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Makes a view what the session renders next.
+    fn queue(&self, view: &View) -> Result<(), Error> {
+        self.session.set_settings(view.settings.clone())?;
+        self.session.set_aovs(view.settings.aovs.clone())?;
+        self.session.set_active_camera(view.camera)
+    }
+
+    /// The loop's thread.
+    fn run(&self) {
+        let mut state = self.lock();
+        loop {
+            while !state.quit && (state.stopped || state.started == state.wanted) {
+                state = self.wait(state);
+            }
+            if state.quit {
+                return;
+            }
+            let mine = state.wanted;
+            state.started = mine;
+            state.busy = true;
+            let (jobs, queues) = (Arc::clone(&state.jobs), state.has_several);
+            drop(state);
+            let is_last = |job: usize| job + 1 == jobs.len();
+            let is_whole = (0..jobs.len()).all(|job| {
+                let run = || self.run_job(&jobs[job], mine, queues, is_last(job));
+                // What panics has failed, and there is no more to come.
+                self.session.guard(run).unwrap_or(true)
+            });
+            state = self.lock();
+            state.busy = false;
+            if is_whole {
+                state.finished = mine;
+            }
+            // Else a resume makes up for what was given up.
+            self.changed.notify_all();
+        }
+    }
+
+    /// False where it is given up, and with it the other jobs.
+    fn run_job(&self, job: &Job, mine: u64, queues: bool, is_last: bool) -> bool {
+        // A cancel that was meant for the render before may come late: then it is made again.
+        let failure = loop {
+            if !is_last {
+                self.lock().readable = 0;
+            }
+            let queued = match queues {
+                true => self.queue(&job.view),
+                false => Ok(()),
+            };
+            let mut result = queued.and_then(|()| self.session.start());
+            if result.is_ok() {
+                if is_last {
+                    self.lock().readable = mine;
+                }
+                result = self.finish(mine);
+            }
+            if self.lock().is_given_up(mine) {
+                // Fails where the session does, which the next call of the host tells.
+                let _ = self.session.cancel();
+                return false;
+            }
+            let progress = self.session.progress();
+            if !progress.is_ok_and(|progress| progress.state == SessionState::Cancelled) {
+                break result.err();
+            }
+        };
+        let failure = failure.map(|error| error.to_string());
+        for file in &job.files {
+            self.write(file, failure.as_deref());
+        }
+        self.tell(failure.unwrap_or_default());
+        true
+    }
+
+    /// Waits for the end of a render, or until it is given up: the call that does so interrupts it, but
+    /// perhaps before it began.
+    fn finish(&self, mine: u64) -> Result<(), Error> {
+        while !self.lock().is_given_up(mine) {
+            if self.session.wait(Some(Duration::from_millis(50)))? {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    fn write(&self, file: &Output, failure: Option<&str>) {
+        let why = match failure {
+            Some(failure) => failure.to_owned(),
+            None => match self.session.write_image(&file.path, &file.image) {
+                Ok(()) => return,
+                Err(error) => error.to_string(),
+            },
+        };
+        let (prim, path) = (file.owner.as_str(), file.path.display());
+        self.session
+            .with_log(|| tracing::warn!(prim, "{path} cannot be written: {why}"));
+    }
+
+    fn tell(&self, failure: String) {
+        let is_new = self.lock().failure != failure;
+        if is_new && !failure.is_empty() {
+            self.session.with_log(|| tracing::error!("{failure}"));
+        }
+        self.lock().failure = failure;
+    }
+}

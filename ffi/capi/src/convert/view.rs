@@ -1,0 +1,82 @@
+//! Views and render products.
+
+use hdtrapeze_core::scene::{PrimId, RenderSettings};
+use hdtrapeze_delegate::Session;
+use hdtrapeze_delegate::plan::{Product, Request};
+use hdtrapeze_delegate::render_loop::View;
+
+use super::{exr, render_vars};
+use crate::constants::*;
+use crate::fault::Fault;
+use crate::input::{read, text, text_or_empty, texts};
+use crate::types::*;
+
+/// Safety: pointers are null or as the header says.
+pub(crate) unsafe fn request(
+    session: &Session,
+    from: &trz_view,
+    products: &[*const trz_product],
+) -> Result<Request, Fault> {
+    // SAFETY: as the caller promises.
+    unsafe {
+        let (settings, _) = settings(session, from.settings)?;
+        let aovs = texts(from.aovs, from.aov_count as usize, "aovs")?;
+        let products: Result<_, Fault> = products
+            .iter()
+            .map(|&at| product(session, &read(at, "product")?))
+            .collect();
+        Ok(Request {
+            view: View {
+                camera: camera(from.camera),
+                settings: RenderSettings { aovs, ..settings },
+            },
+            frame: Some(from.frame).filter(|frame| frame.is_finite()),
+            settings_path: text_or_empty(from.settings_path, "settings_path")?,
+            products: products?,
+        })
+    }
+}
+
+/// Safety: pointers in the struct are null or as the header says.
+unsafe fn product(session: &Session, from: &trz_product) -> Result<Product, Fault> {
+    // SAFETY: as the caller promises.
+    unsafe {
+        let (settings, authored) = settings(session, from.settings)?;
+        Ok(Product {
+            path: text(from.path, "path")?.to_owned(),
+            kind: text_or_empty(from.r#type, "type")?,
+            name: text_or_empty(from.name, "name")?,
+            camera: camera(from.camera),
+            camera_path: text_or_empty(from.camera_path, "camera_path")?,
+            camera_aspect: from.camera_aspect,
+            resolution: from.resolution,
+            pixel_aspect: from.pixel_aspect,
+            conform: text_or_empty(from.conform, "conform")?,
+            data_window: from.data_window,
+            settings,
+            exr: exr(authored.pixel_type, authored.compression)?,
+            vars: render_vars(from.vars, from.var_count)?,
+        })
+    }
+}
+
+fn camera(id: trz_id) -> Option<PrimId> {
+    (id != 0).then_some(PrimId(id))
+}
+
+/// Settings, and what was authored; the backend auto, after a warning, where the one asked for is not
+/// there.
+/// Safety: the pointer is null or as the header says.
+unsafe fn settings(
+    session: &Session,
+    from: *const trz_settings,
+) -> Result<(RenderSettings, trz_settings), Fault> {
+    // SAFETY: as the caller promises.
+    let mut from = unsafe { read(from, "settings") }?;
+    let refused = super::settings(&from).err();
+    if let Some(why) = refused.filter(|fault| fault.code() == TRZ_ERROR_UNSUPPORTED) {
+        session.say_once("", &format!("{}; the backend auto is used", why.message()));
+        from.backend = TRZ_BACKEND_AUTO;
+    }
+    Ok((super::settings(&from)?, from))
+}
