@@ -20,12 +20,13 @@ use hdtrapeze_core::render::{
 };
 use hdtrapeze_core::scene::{PrimId, RenderSettings, Scene};
 use hdtrapeze_core::surface::SubdivisionFactory;
+use hdtrapeze_gpu::GpuFrame;
 use tracing::Level;
 use tracing::dispatcher::with_default;
 
 use crate::ahead::Ahead;
 use crate::aov::AovShape;
-use crate::backend::{self, OnGpu};
+use crate::backend;
 use crate::edit::{Change, Edit, EditQueue, Edits, Kind, apply};
 use crate::engine::{
     MISS, NO_RAY, current_statistics, is_traceable, new_frame, prepare_error, prepare_statistics,
@@ -525,11 +526,11 @@ impl Session {
     }
 
     /// What is prepared, on a GPU where one is asked for. A scene that it does not take is rendered on the CPU.
-    fn upload(&self, prepared: &Prepared) -> Result<Option<Arc<OnGpu>>, Error> {
-        let Some(tracer) = backend::open(prepared.settings().backend)? else {
+    fn upload(&self, prepared: &Prepared) -> Result<Option<Arc<GpuFrame>>, Error> {
+        let Some(stages) = backend::open(prepared.settings().backend)? else {
             return Ok(None);
         };
-        match self.shared.guard(|| OnGpu::new(tracer, prepared))? {
+        match self.shared.guard(|| GpuFrame::new(stages, prepared))? {
             Ok(gpu) => Ok(Some(Arc::new(gpu))),
             Err(error) => {
                 let text = format!("{error}; the CPU renders");
@@ -603,7 +604,7 @@ fn render_all(
     shared: &Shared,
     pool: &Pool,
     prepared: &Prepared,
-    gpu: Option<&OnGpu>,
+    gpu: Option<&GpuFrame>,
     frame: &Frame,
     cancel: &AtomicBool,
 ) {

@@ -9,9 +9,9 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use hdtrapeze_core::render::{Frame, Prepared};
+use hdtrapeze_gpu::GpuFrame;
 use tracing::Dispatch;
 
-use crate::backend::OnGpu;
 use crate::error::Error;
 use crate::log::Log;
 use crate::pool::Pool;
@@ -26,8 +26,8 @@ pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 #[derive(Clone)]
 pub(crate) struct Committed {
     pub prepared: Arc<Prepared>,
-    /// The same on a GPU, where one traces camera rays.
-    pub gpu: Option<Arc<OnGpu>>,
+    /// The same on a GPU, where one renders.
+    pub gpu: Option<Arc<GpuFrame>>,
     pub pool: Arc<Pool>,
 }
 

@@ -208,20 +208,98 @@ pub struct TileSamples {
     pub count: u32,
     /// Number of the first ray.
     pub first_ray: u32,
+    /// Number of the first pixel.
+    pub first_pixel: u32,
     /// Side of the blocks of pixels that rays are numbered by.
     pub block: u32,
 }
 
-/// What a launch of the stage `generate` works on.
+/// What a launch of a stage that goes by pixel works on.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
-pub struct GenerateLaunch {
+pub struct TilesLaunch {
     /// Workgroups in a row.
     pub row: u32,
     /// Number of tiles.
     pub tile_count: u32,
-    /// The sample that the first of `words` are of.
+    /// The sample that the first words of samples are of.
     pub first_sample: u32,
+}
+
+/// How an instance looks. Places are words of a scene's paints.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+pub struct Look {
+    /// 1: it takes rays away, and gives nothing.
+    pub matte: u32,
+    /// Of its colour: 0 one for all, 1 one a face, 2 one a vertex.
+    pub kind: u32,
+    /// First word of its colours, or of its own.
+    pub paint: u32,
+    /// Faces that have one.
+    pub items: u32,
+    /// Words from one colour to the next.
+    pub stride: u32,
+    /// Words of a colour at one key.
+    pub lanes: u32,
+    /// Its key times.
+    pub paint_times: u32,
+    /// How many; 0 where nothing changes.
+    pub paint_keys: u32,
+    /// Octahedral normals of its vertices.
+    pub normals: u32,
+    /// How many keys they have; 0 without any.
+    pub normal_keys: u32,
+}
+
+/// What a launch of the stage `shade` works on.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct ShadeLaunch {
+    /// Rays in the buffer.
+    pub ray_count: u32,
+    /// Rays of one row of workgroups.
+    pub row: u32,
+    /// Radiance of a white surface that looks along the axis of view.
+    pub light: f32,
+}
+
+/// What one camera sample brings home.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Sample {
+    /// Premultiplied radiance, and coverage.
+    pub color: [f32; 4],
+    /// Filter weight, mean 1.
+    pub weight: f32,
+    /// Squared distance from the pixel's centre, pixels.
+    pub distance2: f32,
+    /// In [0, 1] across the shutter.
+    pub time: f32,
+    /// To the next multiple of 16 bytes; its content means nothing.
+    pub _pad: f32,
+}
+
+/// What samples of a pixel add up to.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Pixel {
+    /// Weighted.
+    pub red: f32,
+    /// Weighted.
+    pub green: f32,
+    /// Weighted.
+    pub blue: f32,
+    /// Weighted coverage.
+    pub alpha: f32,
+    /// Of all weights.
+    pub weight: f32,
+    /// Of the sample nearest to the pixel's centre.
+    pub distance2: f32,
+    /// Its time.
+    pub time: f32,
+    /// What it met first.
+    pub hit: Hit,
 }
 
 #[cfg(test)]
@@ -355,12 +433,47 @@ mod tests {
                 first_sample,
                 count,
                 first_ray,
+                first_pixel,
                 block
             }),
-            rust_layout!(GenerateLaunch {
+            rust_layout!(TilesLaunch {
                 row,
                 tile_count,
                 first_sample
+            }),
+            rust_layout!(Look {
+                matte,
+                kind,
+                paint,
+                items,
+                stride,
+                lanes,
+                paint_times,
+                paint_keys,
+                normals,
+                normal_keys
+            }),
+            rust_layout!(ShadeLaunch {
+                ray_count,
+                row,
+                light
+            }),
+            rust_layout!(Sample {
+                color,
+                weight,
+                distance2,
+                time,
+                _pad
+            }),
+            rust_layout!(Pixel {
+                red,
+                green,
+                blue,
+                alpha,
+                weight,
+                distance2,
+                time,
+                hit
             }),
         ]
     }
@@ -446,7 +559,7 @@ mod tests {
             ("time: f32", "time: f32, late: f32"),
             ("t_min: f32,", ""),
             ("element: u32,", "element: u32, extra: u32,"),
-            ("struct Hit", "struct Strike"),
+            ("struct Instance", "struct Copy"),
             ("grid: u32", "mesh: u32"),
             ("dir: vec3<f32>", "dir: vec4<f32>"),
         ] {

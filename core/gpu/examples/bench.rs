@@ -3,12 +3,17 @@
 //! ```text
 //! cargo build --release -p hdtrapeze-gpu --example bench
 //! target/release/examples/bench [--size MILLIONS] [--image PIXELS] [--repeat TIMES] [--no-cpu]
+//! target/release/examples/bench --frame SAMPLES
 //! ```
 //!
 //! Scenes of about so many million micropolygons (1): a rippling sheet, tumbling patches, fur; each still, and moving and
 //! defocused. Rays of an image of `PIXELS` squared (1024) with 4 samples each. Hits are compared with the CPU's before a
 //! time is printed. The device's time is by its own timestamps, of the fastest of `TIMES` (5) launches.
+//!
+//! `--frame`: an image of 1280 x 720 with so many samples a pixel, of about a million micropolygons, moving and defocused. Rays are
+//! drawn, traced, shaded and filmed there, in batches that fit; only pixels come back. Each stage is timed on its own.
 
+mod bench_frame;
 #[path = "../../tests/trace_scenes/mod.rs"]
 mod trace_scenes;
 
@@ -33,6 +38,8 @@ struct Options {
     image: usize,
     repeat: u32,
     cpu: bool,
+    /// Samples of a frame, where that is asked for.
+    frame: Option<u32>,
 }
 
 fn options() -> Result<Options, Box<dyn Error>> {
@@ -41,6 +48,7 @@ fn options() -> Result<Options, Box<dyn Error>> {
         image: 1024,
         repeat: 5,
         cpu: true,
+        frame: None,
     };
     let mut arguments = std::env::args().skip(1);
     while let Some(flag) = arguments.next() {
@@ -49,6 +57,7 @@ fn options() -> Result<Options, Box<dyn Error>> {
             "--size" => options.millions = value()?.parse()?,
             "--image" => options.image = value()?.parse()?,
             "--repeat" => options.repeat = value()?.parse()?,
+            "--frame" => options.frame = Some(value()?.parse()?),
             "--no-cpu" => options.cpu = false,
             _ => return Err(format!("unknown flag {flag}; see the head of bench.rs").into()),
         }
@@ -96,6 +105,9 @@ fn run() -> Result<(), Box<dyn Error>> {
     let device = Arc::new(Device::open()?);
     let found = device.found();
     println!("device: {}, {}, {}", found.name, found.api, found.driver);
+    if let Some(samples) = options.frame {
+        return bench_frame::run(&device, samples);
+    }
     println!(
         "{:<8} {:<7} {:>8} {:>8} {:>9} {:>9} {:>8} {:>8} {:>9} {:>9}",
         "scene",

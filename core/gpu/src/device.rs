@@ -226,6 +226,22 @@ impl Device {
         }
     }
 
+    /// A buffer with one struct, for [`Binding::Uniform`](super::kernel::Binding::Uniform).
+    ///
+    /// # Errors
+    /// As [`Device::upload`].
+    pub(crate) fn uniform<T: Pod>(
+        &self,
+        what: &'static str,
+        value: &T,
+    ) -> Result<wgpu::Buffer, GpuError> {
+        let bytes = (size_of::<T>() as u64).next_multiple_of(16);
+        let buffer = self.buffer(what, bytes, Usage::UNIFORM | Usage::COPY_DST)?;
+        self.queue
+            .write_buffer(&buffer, 0, bytemuck::bytes_of(value));
+        Ok(buffer)
+    }
+
     /// A buffer that holds nothing yet.
     ///
     /// # Errors

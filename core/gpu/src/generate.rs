@@ -19,15 +19,15 @@ use glam::{DVec4, Vec2};
 use hdtrapeze_core::camera::aperture::Aperture;
 use hdtrapeze_core::camera::opening::Times;
 use hdtrapeze_core::camera::pose::Poses;
-use hdtrapeze_core::film::frame::TILE_SIZE;
-use hdtrapeze_core::render::{Generator, TileSamples, block_size};
+use hdtrapeze_core::render::Generator;
 use hdtrapeze_core::sample::PixelSampler;
 use hdtrapeze_core::scene::Projection;
-use hdtrapeze_shaders::layout::{self, Camera, GenerateLaunch, Ray};
-use hdtrapeze_shaders::stage::{GENERATE_SQUARE, GeneratePermutation, LensKind, TimeKind};
+use hdtrapeze_shaders::layout::{Camera, Ray};
+use hdtrapeze_shaders::stage::{GeneratePermutation, LensKind, TimeKind};
 use wgpu::BufferUsages as Usage;
 
-use super::kernel::{Binding, Kernel, rows};
+use super::kernel::{Binding, Kernel};
+use super::tiles::GpuTiles;
 use super::{Device, GpuError};
 
 /// Steps of a number in [0, 1).
@@ -35,19 +35,16 @@ const NUMBERS: f64 = 16_777_216.0;
 /// Largest rate of opening: f32 holds its products.
 const STEEPEST: f64 = 1.0e30;
 
-// A workgroup's squares make up a tile.
-const _: () = assert!(GENERATE_SQUARE[0] * GENERATE_SQUARE[1] == TILE_SIZE);
-
 /// A camera and what is drawn for it, on a device.
 #[derive(Debug)]
 pub struct GpuCamera {
     /// What the stage `generate` needs for it.
     pub permutation: GeneratePermutation,
-    camera: wgpu::Buffer,
-    tables: wgpu::Buffer,
+    pub(crate) camera: wgpu::Buffer,
+    pub(crate) tables: wgpu::Buffer,
     sampler: PixelSampler,
     /// Samples have times.
-    has_time: bool,
+    pub has_time: bool,
 }
 
 /// Draws camera rays on a device.
@@ -55,17 +52,6 @@ pub struct GpuCamera {
 pub struct RayMaker {
     device: Arc<Device>,
     kernels: Mutex<HashMap<GeneratePermutation, Arc<Kernel>>>,
-}
-
-/// Rays on a device.
-#[derive(Debug)]
-pub struct Drawn {
-    /// They, as the stage `trace` reads them.
-    pub rays: wgpu::Buffer,
-    /// How many.
-    pub len: usize,
-    /// Seconds that the device took, where it was asked and can tell.
-    pub seconds: Option<f64>,
 }
 
 impl GpuCamera {
@@ -80,13 +66,9 @@ impl GpuCamera {
         }
         let mut tables = Tables::default();
         let (camera, permutation) = tables.camera(generator);
-        let usage = Usage::UNIFORM | Usage::COPY_DST;
-        let there = device.buffer("camera", size_of::<Camera>() as u64, usage)?;
-        let bytes = bytemuck::bytes_of(&camera);
-        device.queue.write_buffer(&there, 0, bytes);
         Ok(Self {
             permutation,
-            camera: there,
+            camera: device.uniform("camera", &camera)?,
             tables: device.upload("tables", bytemuck::cast_slice(&tables.words))?,
             sampler: generator.sampler.clone(),
             has_time: generator.has_time,
@@ -103,64 +85,32 @@ impl RayMaker {
         }
     }
 
-    /// Draws the rays of tiles, one tile's after the other's, each numbered as [`Generator::draw_tile`] orders them.
+    /// Draws the rays of tiles, by their numbers, as the stage `trace` reads them; gives the seconds that the device took where
+    /// that is asked for and it can tell.
     ///
     /// # Errors
     /// They are more than the device takes at once, or it is lost.
     pub fn draw(
         &self,
         camera: &GpuCamera,
-        tiles: &[TileSamples],
+        tiles: &GpuTiles,
         timed: bool,
-    ) -> Result<Drawn, GpuError> {
+    ) -> Result<(wgpu::Buffer, Option<f64>), GpuError> {
         let device = &*self.device;
         device.check()?;
-        let first_sample = tiles.iter().map(|tile| tile.samples.start).min();
-        let end_sample = tiles.iter().map(|tile| tile.samples.end).max();
-        let samples = first_sample.unwrap_or(0)..end_sample.unwrap_or(0);
-        let words: Vec<[u32; 5]> = samples.clone().map(|i| camera.sampler.word(i)).collect();
-        let mut len = 0;
-        let packed = tiles.iter().map(|tile| {
-            let first = len;
-            len += tile.len();
-            layout::TileSamples {
-                x: tile.x,
-                y: tile.y,
-                width: tile.width,
-                height: tile.height,
-                first_sample: tile.samples.start,
-                count: tile.samples.len() as u32,
-                first_ray: first as u32,
-                block: block_size(tile.samples.len(), camera.has_time),
-            }
-        });
-        let packed: Vec<layout::TileSamples> = packed.collect();
-        let squares = (tiles.len() as u32) * GENERATE_SQUARE[1] * GENERATE_SQUARE[1];
-        let launch = GenerateLaunch {
-            row: rows(device, squares)[0],
-            tile_count: tiles.len() as u32,
-            first_sample: samples.start,
-        };
-        let usage = Usage::UNIFORM | Usage::COPY_DST;
-        let launch_there = device.buffer("launch", 16, usage)?;
-        let bytes = bytemuck::bytes_of(&launch);
-        device.queue.write_buffer(&launch_there, 0, bytes);
-        let bytes = (len.max(1) * size_of::<Ray>()) as u64;
-        let rays = device.buffer("rays", bytes, Usage::STORAGE | Usage::COPY_SRC)?;
+        let [first, end] = tiles.samples;
+        let words: Vec<[u32; 5]> = (first..end).map(|i| camera.sampler.word(i)).collect();
         let words = device.upload("samples", bytemuck::cast_slice(&words))?;
-        let packed = device.upload("tiles", bytemuck::cast_slice(&packed))?;
+        let bytes = (tiles.rays.max(1) * size_of::<Ray>()) as u64;
+        let rays = device.buffer("rays", bytes, Usage::STORAGE | Usage::COPY_SRC)?;
+        let groups: [&[&wgpu::Buffer]; 2] = [
+            &[&camera.camera, &camera.tables],
+            &[&tiles.tiles, &tiles.launch, &words, &rays],
+        ];
         let kernel = self.kernel(camera.permutation)?;
-        let seconds = kernel
-            .launch(
-                device,
-                &[
-                    &[&camera.camera, &camera.tables],
-                    &[&words, &packed, &launch_there, &rays],
-                ],
-                squares,
-            )
-            .run(device, timed)?;
-        Ok(Drawn { rays, len, seconds })
+        let launch = kernel.launch(device, &groups, tiles.workgroups);
+        let seconds = launch.run(device, timed)?;
+        Ok((rays, seconds))
     }
 
     fn kernel(&self, permutation: GeneratePermutation) -> Result<Arc<Kernel>, GpuError> {
@@ -172,8 +122,8 @@ impl RayMaker {
             &[Binding::Uniform, Binding::Read],
             &[
                 Binding::Read,
-                Binding::Read,
                 Binding::Uniform,
+                Binding::Read,
                 Binding::Write,
             ],
         ];

@@ -4,21 +4,28 @@
 //! from `hdtrapeze_shaders`; core knows nothing of devices. Nothing here panics where there is no device, where one is too
 //! small, or where it is lost: every fault is a [`GpuError`], and callers go on with the CPU.
 //!
-//! [`device`] finds and opens devices, [`kernel`] compiles stages, [`scene`] lays a world out for them, [`generate`] draws camera
-//! rays, [`trace`] traces rays.
+//! [`device`] finds and opens devices, [`kernel`] compiles stages, [`scene`] lays a world out for them. Stages: [`generate`] draws
+//! camera rays, [`trace`] traces rays, [`shade`] tells what their hits give, [`film`] sums that up by pixel; [`frame`] runs them
+//! for core's passes.
 #![forbid(unsafe_code)]
 
 pub mod device;
 pub mod error;
+pub mod film;
+pub mod frame;
 pub mod generate;
 pub mod kernel;
 mod pages;
 pub mod scene;
+pub mod shade;
 mod stack;
+pub mod tiles;
 pub mod trace;
 
 pub use device::{Device, Found};
 pub use error::GpuError;
+pub use frame::{GpuFrame, Stages};
 pub use generate::{GpuCamera, RayMaker};
 pub use scene::GpuScene;
+pub use tiles::GpuTiles;
 pub use trace::Tracer;

@@ -37,6 +37,13 @@ pub struct Batch {
     size: [u32; 2],
 }
 
+impl Batch {
+    /// Only its hits.
+    pub(crate) fn into_hits(self) -> wgpu::Buffer {
+        self.hits
+    }
+}
+
 /// One page of the scene.
 #[derive(Debug)]
 struct Launch {
@@ -106,22 +113,6 @@ impl Tracer {
             self.read(&batch, hits)?;
         }
         Ok(())
-    }
-
-    /// The nearest hits of rays that are there, by their numbers.
-    ///
-    /// # Errors
-    /// As [`Tracer::trace`].
-    pub fn trace_there(
-        &self,
-        scene: &GpuScene,
-        rays: &wgpu::Buffer,
-        len: usize,
-        hits: &mut [trace::Hit],
-    ) -> Result<(), GpuError> {
-        let batch = self.batch_of(scene, rays, len, false, false)?;
-        self.run(&batch)?;
-        self.read(&batch, hits)
     }
 
     /// Uploads rays; with `counts`, what each costs is told too.
@@ -238,8 +229,17 @@ impl Tracer {
     /// # Errors
     /// The device failed or is lost.
     pub fn read(&self, batch: &Batch, hits: &mut [trace::Hit]) -> Result<(), GpuError> {
-        let mut answers = vec![Hit::default(); batch.len];
-        self.device.fetch(&batch.hits, &mut answers)?;
+        self.read_hits(&batch.hits, hits)
+    }
+
+    /// Fetches hits.
+    pub(crate) fn read_hits(
+        &self,
+        there: &wgpu::Buffer,
+        hits: &mut [trace::Hit],
+    ) -> Result<(), GpuError> {
+        let mut answers = vec![Hit::default(); hits.len()];
+        self.device.fetch(there, &mut answers)?;
         for (hit, answer) in hits.iter_mut().zip(&answers) {
             *hit = unpacked(answer);
         }
@@ -322,7 +322,7 @@ impl Tracer {
 }
 
 /// A ray that no stage stumbles over: one that is not finite has no direction, which misses.
-fn packed((number, ray): (u32, &trace::Ray)) -> Ray {
+pub(crate) fn packed((number, ray): (u32, &trace::Ray)) -> Ray {
     let finite = ray.origin.is_finite()
         && ray.dir.is_finite()
         && !(ray.time.is_nan() || ray.t_min.is_nan() || ray.t_max.is_nan());
@@ -343,7 +343,7 @@ fn packed((number, ray): (u32, &trace::Ray)) -> Ray {
     }
 }
 
-fn unpacked(hit: &Hit) -> trace::Hit {
+pub(crate) fn unpacked(hit: &Hit) -> trace::Hit {
     if hit.instance == trace::Hit::NONE {
         return trace::Hit::MISS;
     }
@@ -354,5 +354,25 @@ fn unpacked(hit: &Hit) -> trace::Hit {
         instance: hit.instance,
         grid: hit.grid,
         cell: hit.cell,
+    }
+}
+
+/// The inverse of [`unpacked`].
+pub(crate) fn to_layout(hit: &trace::Hit) -> Hit {
+    let &trace::Hit {
+        t,
+        u,
+        v,
+        instance,
+        grid,
+        cell,
+    } = hit;
+    Hit {
+        t,
+        u,
+        v,
+        instance,
+        grid,
+        cell,
     }
 }

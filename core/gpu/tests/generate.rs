@@ -20,7 +20,7 @@ use hdtrapeze_core::scene::{
     ShutterCurveKind, TransformSamples,
 };
 use hdtrapeze_gpu::kernel::{Binding, Kernel};
-use hdtrapeze_gpu::{Device, GpuCamera, GpuError, RayMaker};
+use hdtrapeze_gpu::{Device, GpuCamera, GpuError, GpuTiles, RayMaker};
 use hdtrapeze_shaders::layout::Ray;
 use hdtrapeze_shaders::stage::{GeneratePermutation, LensKind, TimeKind};
 use libtest_mimic::Failed;
@@ -374,9 +374,10 @@ fn same_rays(device: &Arc<Device>, name: &str, case: &Case) -> Result<(), Failed
     let maker = RayMaker::new(Arc::clone(device));
     let there = GpuCamera::new(device, &generator)?;
     let tiles = tiles(case.settings.samples);
-    let drawn = maker.draw(&there, &tiles, false)?;
-    let mut rays = vec![Ray::default(); drawn.len];
-    device.fetch(&drawn.rays, &mut rays)?;
+    let tiles_there = GpuTiles::new(device, &tiles, case.time)?;
+    let (drawn, _) = maker.draw(&there, &tiles_there, false)?;
+    let mut rays = vec![Ray::default(); tiles_there.rays];
+    device.fetch(&drawn, &mut rays)?;
     let expected = tiles.iter().flat_map(|tile| {
         let jobs = generator.draw_tile(tile).into_iter();
         jobs.map(|(slot, job)| {
@@ -460,9 +461,10 @@ fn order_follows_time(device: &Arc<Device>) -> Result<(), Failed> {
             height: 16,
             samples: 0..samples,
         };
-        let drawn = RayMaker::new(Arc::clone(device)).draw(&there, &[tile], false)?;
-        let mut rays = vec![Ray::default(); drawn.len];
-        device.fetch(&drawn.rays, &mut rays)?;
+        let tiles = GpuTiles::new(device, &[tile], true)?;
+        let (drawn, _) = RayMaker::new(Arc::clone(device)).draw(&there, &tiles, false)?;
+        let mut rays = vec![Ray::default(); tiles.rays];
+        device.fetch(&drawn, &mut rays)?;
         for packet in rays.chunks(64) {
             let times = packet.iter().map(|ray| ray.time);
             let (least, most) = times.fold((1.0f32, 0.0f32), |(a, b), t| (a.min(t), b.max(t)));

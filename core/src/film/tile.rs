@@ -1,6 +1,7 @@
 //! One tile of the film: sums over the samples of each pixel.
 
 use crate::aov::Aov;
+use crate::trace::Hit;
 
 /// Mean weight of a pixel's samples below which their sum is not divided by.
 const LEAST_WEIGHT: f64 = 0.5;
@@ -34,6 +35,29 @@ pub struct FirstHit {
     pub instance_id: i32,
     pub element_id: i32,
     pub subset_id: i32,
+}
+
+/// What samples of one pixel add up to where they were filmed elsewhere.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PixelSums {
+    /// Weighted radiance and coverage, and the weights.
+    pub color: [f32; 5],
+    /// Squared distance from the pixel's centre of the sample nearest to it.
+    pub distance2: f32,
+    /// Its time.
+    pub time: f32,
+    /// What it met first; a miss where that gives nothing.
+    pub hit: Hit,
+}
+
+impl PixelSums {
+    /// Of no sample.
+    pub const NONE: Self = Self {
+        color: [0.0; 5],
+        distance2: f32::INFINITY,
+        time: 0.0,
+        hit: Hit::MISS,
+    };
 }
 
 impl PrimvarSample {
@@ -226,23 +250,9 @@ impl Tile {
             }
             sum[4] += f64::from(sample.weight);
         }
-        if let Some(point) = self.point.get_mut(i)
-            && sample.distance2 < point.distance2
-        {
-            let hit = sample.first.map(|h| PointHit {
-                depth: h.depth,
-                camera_depth: h.camera_depth,
-                p: h.p,
-                ids: [h.prim_id, h.instance_id, h.element_id],
-            });
-            *point = PointSample {
-                distance2: sample.distance2,
-                hit,
-            };
+        if self.is_nearest(i, sample.distance2) {
+            self.set_point(i, sample.distance2, sample.first.as_ref());
             is_point = true;
-            if let Some(subset) = self.subsets.get_mut(i) {
-                *subset = sample.first.map_or(-1, |h| h.subset_id);
-            }
         }
         if let (Some(means), Some(hit)) = (self.means.get_mut(i), &sample.first) {
             let values = hit.normal.iter().chain(&hit.n_eye).chain(&hit.motion);
@@ -256,6 +266,39 @@ impl Tile {
             cost[1] += f64::from(sample.cost[1]);
         }
         is_point
+    }
+
+    /// Adds samples of pixel `i` that were filmed elsewhere, the next in their order. `first` tells what the nearest of them
+    /// to the pixel's centre met, and is asked only where no sample before is nearer. Means, costs and primvars are not filmed
+    /// elsewhere.
+    pub fn merge(&mut self, i: usize, sums: &PixelSums, first: impl FnOnce() -> Option<FirstHit>) {
+        if let Some(sum) = self.color.get_mut(i) {
+            for (sum, v) in sum.iter_mut().zip(sums.color) {
+                *sum += f64::from(v);
+            }
+        }
+        if self.is_nearest(i, sums.distance2) {
+            self.set_point(i, sums.distance2, first().as_ref());
+        }
+    }
+
+    /// True where a sample so far from the centre of pixel `i` becomes its point sample.
+    fn is_nearest(&self, i: usize, distance2: f32) -> bool {
+        let point = self.point.get(i);
+        point.is_some_and(|point| distance2 < point.distance2)
+    }
+
+    fn set_point(&mut self, i: usize, distance2: f32, first: Option<&FirstHit>) {
+        let hit = first.map(|h| PointHit {
+            depth: h.depth,
+            camera_depth: h.camera_depth,
+            p: h.p,
+            ids: [h.prim_id, h.instance_id, h.element_id],
+        });
+        self.point[i] = PointSample { distance2, hit };
+        if let Some(subset) = self.subsets.get_mut(i) {
+            *subset = first.map_or(-1, |h| h.subset_id);
+        }
     }
 
     /// Adds the primvars of the sample that was added last to pixel `i`, or `None` where it hit

@@ -1,8 +1,11 @@
 //! Passes of which some stages run elsewhere, on a GPU: the others are done here, for many tiles at a time.
 //!
-//! `generate` (there, or here) -> trace (there) -> `shade`, `film` (here). Where a stage fails, the tiles at hand are as they
-//! were, and the render goes on without it.
+//! `generate` -> trace -> `shade` -> `film`: elsewhere runs one stage after the other, from the first that it takes over to
+//! the last, at least trace. What stages before make is handed there, and what it makes is taken up here: hits, or sums of
+//! pixels, which the film adds to its own. Where a stage fails, the tiles at hand are as they were, and the render goes on
+//! without it.
 
+use std::ops::RangeInclusive;
 use std::sync::Mutex;
 use std::sync::PoisonError;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -12,10 +15,13 @@ use rayon::prelude::*;
 use super::generate::{Job, TileSamples};
 use super::integrate::Integrator;
 use crate::film::Frame;
+use crate::film::tile::PixelSums;
 use crate::trace::{Hit, Ray, TraceCounts};
 
 /// Rays that are traced together, about.
 const RAYS: usize = 1 << 19;
+/// The same where neither rays nor hits come here.
+const FILMED_RAYS: usize = 1 << 21;
 
 /// The stages of a sample, in their order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -24,21 +30,46 @@ pub enum Stage {
     Generate,
     /// Rays to hits.
     Trace,
+    /// Hits to colours.
+    Shade,
+    /// Colours to sums of pixels.
+    Film,
 }
 
-/// Traces rays against the world of the scene that is rendered.
-pub trait RayTracer: Send + Sync {
-    /// The first stage that it takes over.
-    fn first_stage(&self) -> Stage {
-        Stage::Trace
-    }
+/// What stages before the first that runs elsewhere have made of tiles: by numbers of rays, which are their places in
+/// [`Generator::draw_tile`](super::Generator::draw_tile), one tile's after the other's.
+#[derive(Clone, Debug, Default)]
+pub struct Made {
+    /// By `generate`.
+    pub jobs: Vec<Job>,
+    /// By trace.
+    pub hits: Vec<Hit>,
+    /// By `shade`: premultiplied radiance and coverage.
+    pub colors: Vec<[f32; 4]>,
+}
 
-    /// The nearest hit of each ray of tiles, in the order of [`Generator::draw_tile`](super::Generator::draw_tile); asked
-    /// only where its first stage is [`Stage::Generate`].
+/// Runs stages for the scene that is rendered.
+pub trait RayTracer: Send + Sync {
+    /// The first and the last stage that it takes over. The last is trace or film.
+    fn stages(&self) -> RangeInclusive<Stage>;
+
+    /// The nearest hit of each ray of tiles, by number; asked only where its stages are generate and trace.
     ///
     /// # Errors
     /// As [`RayTracer::trace`].
     fn trace_tiles(&self, tiles: &[TileSamples], hits: &mut [Hit]) -> Result<(), String>;
+
+    /// What the samples of each pixel of tiles add up to, one tile's after the other's; asked only where its last stage is
+    /// [`Stage::Film`].
+    ///
+    /// # Errors
+    /// As [`RayTracer::trace`].
+    fn film(
+        &self,
+        tiles: &[TileSamples],
+        made: &Made,
+        pixels: &mut [PixelSums],
+    ) -> Result<(), String>;
 
     /// The nearest hit of each ray, as [`World::trace`](crate::trace::World::trace) gives it, but for rounding.
     ///
@@ -88,6 +119,8 @@ impl<'a> Elsewhere<'a> {
         let behind = |&i: &usize| frame.tile(i).samples < target;
         let tiles: Vec<usize> = (0..frame.tile_count()).filter(behind).collect();
         let mut counts = TraceCounts::default();
+        let films = *self.tracer.stages().end() == Stage::Film;
+        let together = if films { FILMED_RAYS } else { RAYS };
         let mut rest = &tiles[..];
         while !rest.is_empty() && self.works() && !cancel.load(Ordering::Relaxed) {
             let rays_of = |&i: &usize| {
@@ -97,11 +130,15 @@ impl<'a> Elsewhere<'a> {
             let mut rays = 0;
             let full = rest.iter().position(|tile| {
                 rays += rays_of(tile);
-                rays >= RAYS
+                rays >= together
             });
             let (now, later) = rest.split_at(full.map_or(rest.len(), |i| i + 1));
             rest = later;
-            counts = counts + self.fill_tiles(integrator, frame, now, target, done);
+            counts = counts
+                + match films {
+                    true => self.merge_tiles(integrator, frame, now, target, done),
+                    false => self.fill_tiles(integrator, frame, now, target, done),
+                };
         }
         counts
     }
@@ -123,10 +160,10 @@ impl<'a> Elsewhere<'a> {
                 .map(|samples| integrator.generator().draw_tile(samples))
                 .collect()
         };
-        let (drawn, traced) = match self.tracer.first_stage() {
+        let (drawn, traced) = match self.tracer.stages().start() {
             // Shading looks at rays too: they are drawn here as well, meanwhile.
             Stage::Generate => rayon::join(draw, || self.tracer.trace_tiles(&samples, &mut hits)),
-            Stage::Trace => {
+            _ => {
                 let drawn = draw();
                 let rays: Vec<Ray> = drawn.iter().flatten().map(|(_, job)| job.ray).collect();
                 let traced = self.tracer.trace(&rays, &mut hits);
@@ -134,11 +171,7 @@ impl<'a> Elsewhere<'a> {
             }
         };
         if let Err(why) = traced {
-            self.why
-                .lock()
-                .unwrap_or_else(PoisonError::into_inner)
-                .get_or_insert(why);
-            self.failed.store(true, Ordering::Relaxed);
+            self.fail(why);
             return TraceCounts::default();
         }
         let mut rest = &hits[..];
@@ -158,5 +191,46 @@ impl<'a> Elsewhere<'a> {
                 counts
             })
             .reduce(TraceCounts::default, |a, b| a + b)
+    }
+    fn merge_tiles(
+        &self,
+        integrator: &Integrator<'_>,
+        frame: &Frame,
+        tiles: &[usize],
+        target: u32,
+        done: &(dyn Fn(u32) + Sync),
+    ) -> TraceCounts {
+        let samples = |&i: &usize| TileSamples::of(&frame.tile(i), target);
+        let samples: Vec<TileSamples> = tiles.iter().map(samples).collect();
+        let pixels_of = |samples: &TileSamples| (samples.width * samples.height) as usize;
+        let made = integrator.make(&samples, *self.tracer.stages().start());
+        let mut pixels = vec![PixelSums::NONE; samples.iter().map(pixels_of).sum()];
+        if let Err(why) = self.tracer.film(&samples, &made, &mut pixels) {
+            self.fail(why);
+            return TraceCounts::default();
+        }
+        let mut rest = &pixels[..];
+        let work = tiles.iter().zip(&samples).map(|(&i, samples)| {
+            let (own, others) = rest.split_at(pixels_of(samples));
+            rest = others;
+            (i, samples.samples.len(), own)
+        });
+        let work: Vec<_> = work.collect();
+        work.into_par_iter()
+            .map(|(i, added, pixels)| {
+                let mut counts = TraceCounts::default();
+                integrator.merge_tile(&mut frame.tile(i), target, pixels, &mut counts);
+                done(added as u32);
+                counts
+            })
+            .reduce(TraceCounts::default, |a, b| a + b)
+    }
+
+    fn fail(&self, why: String) {
+        self.why
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .get_or_insert(why);
+        self.failed.store(true, Ordering::Relaxed);
     }
 }

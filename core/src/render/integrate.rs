@@ -1,14 +1,16 @@
-//! Samples of one tile: generate, trace, shade, film.
+//! Samples of one tile: trace, shade, film; [`super::generate`] draws them.
 //!
 //! Rays are traced in packets from one small pixel block, near each other in time. Transparent surfaces
 //! are composited front to back by asking for the next hit after the last, up to [`MAX_LAYERS`].
 
 use glam::Vec3;
+use rayon::prelude::*;
 
+use super::elsewhere::{Made, Stage};
 use super::generate::{Generator, Job, TileSamples};
 use super::prepared::Prepared;
-use crate::film::tile::{FirstHit, Keeps, PrimvarSample, Sample, Tile};
-use crate::shade::{ChannelAccess, camera_light_irradiance, camera_lit};
+use crate::film::tile::{FirstHit, Keeps, PixelSums, PrimvarSample, Sample, Tile};
+use crate::shade::{ChannelAccess, camera_lit};
 use crate::trace::packet::PACKET;
 use crate::trace::{Hit, Ray, TraceCounts};
 
@@ -26,16 +28,11 @@ pub(super) struct Integrator<'a> {
 
 impl<'a> Integrator<'a> {
     pub fn new(prepared: &'a Prepared, keeps: Keeps) -> Self {
-        let irradiance = if prepared.plan.camera_light {
-            camera_light_irradiance()
-        } else {
-            0.0
-        };
         Self {
             prepared,
             generator: Generator::new(prepared),
             keeps,
-            irradiance: irradiance * prepared.camera.exposure_scale(),
+            irradiance: prepared.irradiance(),
         }
     }
 
@@ -108,6 +105,51 @@ impl<'a> Integrator<'a> {
             true => self.film::<true, false>(tile, jobs, found, &mut primvars, counts),
         }
         tile.samples = target;
+    }
+
+    /// The rest of [`Self::fill`] for samples that were shaded and filmed elsewhere.
+    pub fn merge_tile(
+        &self,
+        tile: &mut Tile,
+        target: u32,
+        pixels: &[PixelSums],
+        counts: &mut TraceCounts,
+    ) {
+        for (i, sums) in pixels.iter().enumerate() {
+            tile.merge(i, sums, || {
+                sums.hit
+                    .is_hit()
+                    .then(|| self.point_hit(&sums.hit, sums.time))
+            });
+        }
+        counts.rays += pixels.len() as u64 * u64::from(target.saturating_sub(tile.samples));
+        tile.samples = target;
+    }
+
+    /// What stages before `first` make of tiles, for a scene that is opaque and culls no side.
+    pub fn make(&self, tiles: &[TileSamples], first: Stage) -> Made {
+        let mut made = Made::default();
+        if first > Stage::Generate {
+            let drawn = tiles
+                .par_iter()
+                .flat_map_iter(|tile| self.generator.draw_tile(tile));
+            made.jobs = drawn.map(|(_, job)| job).collect();
+        }
+        let jobs = made.jobs.par_iter();
+        if first > Stage::Trace {
+            let world = &self.prepared.world;
+            let trace = |job: &Job| world.trace(&job.ray, &mut TraceCounts::default());
+            made.hits = jobs.clone().map(trace).collect();
+        }
+        if first > Stage::Shade {
+            let shade = |(job, hit): (&Job, &Hit)| {
+                let (mut counts, mut none) = (TraceCounts::default(), PrimvarSample::default());
+                let sample = self.shade::<true, false>(job, hit, &mut counts, &mut none);
+                sample.color
+            };
+            made.colors = jobs.zip(&made.hits).map(shade).collect();
+        }
+        made
     }
 
     /// Shades and films what was traced, in the order of samples: sums have the same bits whatever was traced
@@ -259,15 +301,7 @@ impl<'a> Integrator<'a> {
         };
         let first = if let Some(primvars) = first {
             prepared.read_primvars(prim, element, ray.time, &channels, primvars);
-            let p = world
-                .position(hit, ray.time)
-                .unwrap_or(ray.origin + ray.dir * hit.t);
             FirstHit {
-                depth: prepared.camera.clip_depth(hit.t),
-                camera_depth: hit.t,
-                p: (p.as_dvec3() + prepared.camera.origin())
-                    .as_vec3()
-                    .to_array(),
                 normal: normal.to_array(),
                 n_eye: n_eye.to_array(),
                 motion: if self.keeps.means() {
@@ -275,15 +309,31 @@ impl<'a> Integrator<'a> {
                 } else {
                     [0.0; 2]
                 },
-                prim_id: prim.pick_id,
-                instance_id: world.instance_id(hit).unwrap_or(-1),
-                element_id: element as i32,
-                subset_id: prim.subset_of(element),
+                ..self.point_hit(hit, ray.time)
             }
         } else {
             FirstHit::default()
         };
         (Layer { radiance, first }, opacity)
+    }
+
+    /// What a point sample keeps of its first hit.
+    fn point_hit(&self, hit: &Hit, time: f32) -> FirstHit {
+        let world = &self.prepared.world;
+        let camera = &self.prepared.camera;
+        let (_, prim) = self.prepared.hit_prim(hit);
+        let element = world.element(hit).unwrap_or(0);
+        let p = world.position(hit, time).unwrap_or(Vec3::ZERO);
+        FirstHit {
+            depth: camera.clip_depth(hit.t),
+            camera_depth: hit.t,
+            p: (p.as_dvec3() + camera.origin()).as_vec3().to_array(),
+            prim_id: prim.pick_id,
+            instance_id: world.instance_id(hit).unwrap_or(-1),
+            element_id: element as i32,
+            subset_id: prim.subset_of(element),
+            ..FirstHit::default()
+        }
     }
 
     /// A normal, or its opposite where that is on the side of the facet that the ray sees.

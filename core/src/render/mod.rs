@@ -13,6 +13,7 @@ mod given;
 mod instances;
 mod integrate;
 mod kept;
+mod looks;
 mod nests;
 mod objects;
 mod passes;
@@ -24,8 +25,9 @@ mod shape;
 
 pub use crate::film::{Frame, FrameError};
 pub use ahead::Ahead;
-pub use elsewhere::{Elsewhere, RayTracer, Stage};
+pub use elsewhere::{Elsewhere, Made, RayTracer, Stage};
 pub use generate::{Generator, Job, TileSamples, block_size};
+pub use looks::Look;
 pub use passes::{RenderControl, RenderStatistics, render, render_with};
 pub(crate) use prepare::resolve_shutter;
 pub use prepare::{Preparation, PrepareError, prepare, prepare_with};

@@ -45,7 +45,7 @@ pub fn render(prepared: &Prepared, frame: &Frame, control: &RenderControl<'_>) -
     render_with(prepared, frame, control, None)
 }
 
-/// [`render`], with camera rays traced `elsewhere` for as long as that works. Sides that are culled are not known there: a
+/// [`render`], with stages run `elsewhere` for as long as that works. Sides that are culled are not known there: a
 /// scene that has some is traced here.
 pub fn render_with(
     prepared: &Prepared,

@@ -69,12 +69,12 @@ const LEAST_MICROPOLYGONS: u64 = 1_000_000;
 /// What renders.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Backend {
-    /// What is fastest here: the CPU, for as long as a GPU traces camera rays alone.
+    /// What is fastest here: the CPU, for as long as no GPU has been measured.
     #[default]
     Auto,
     /// The CPU.
     Cpu,
-    /// A GPU traces camera rays, and the CPU does the rest.
+    /// A GPU renders what it knows of, and the CPU the rest.
     Gpu,
 }
 

@@ -11,7 +11,7 @@ use glam::Vec3;
 
 mod source;
 
-pub use source::{ChannelAccess, Source};
+pub use source::{ChannelAccess, Source, Values};
 
 /// Radiance of the camera light.
 const CAMERA_LIGHT_RADIANCE: f64 = 15_000.0;

@@ -24,13 +24,14 @@ pub struct Source {
     /// Floats a value at one key.
     lanes: usize,
     is_integer: bool,
-    data: Data,
+    data: Values,
     /// Key times; empty where nothing changes.
     key_times: Vec<f32>,
 }
 
+/// Where a source's values are.
 #[derive(Clone, Debug, PartialEq)]
-enum Data {
+pub enum Values {
     /// `[key][lane]`.
     Constant(Vec<f32>),
     /// `[authored face][key][lane]`.
@@ -51,7 +52,7 @@ impl Source {
         Self {
             lanes: value.len(),
             is_integer: false,
-            data: Data::Constant(value.to_vec()),
+            data: Values::Constant(value.to_vec()),
             key_times: Vec::new(),
         }
     }
@@ -66,11 +67,11 @@ impl Source {
         let (lanes, is_integer) = (resolved.lanes(), resolved.is_integer);
         let key_times = key_times(&resolved);
         let data = match spread(resolved) {
-            Spread::Constant(value) => Data::Constant(value),
-            Spread::Uniform(values) => Data::Uniform(values),
+            Spread::Constant(value) => Values::Constant(value),
+            Spread::Uniform(values) => Values::Uniform(values),
             Spread::Channel(channel) => {
                 channels.push(channel);
-                Data::Channel(channels.len() - 1)
+                Values::Channel(channels.len() - 1)
             }
         };
         Self {
@@ -85,8 +86,8 @@ impl Source {
     /// `resolved` is constant.
     pub fn instanced(resolved: &Arc<Resolved>, level: usize) -> Self {
         let data = match resolved.interpolation {
-            Interpolation::Constant => Data::Constant(resolved.item(0).to_vec()),
-            _ => Data::Instance(level, Arc::clone(resolved)),
+            Interpolation::Constant => Values::Constant(resolved.item(0).to_vec()),
+            _ => Values::Instance(level, Arc::clone(resolved)),
         };
         Self {
             lanes: resolved.lanes(),
@@ -98,7 +99,22 @@ impl Source {
 
     /// True where it is this value all over the prim, at every time.
     pub fn is_constant(&self, value: &[f32]) -> bool {
-        matches!(&self.data, Data::Constant(v) if v == value) && self.key_times.is_empty()
+        matches!(&self.data, Values::Constant(v) if v == value) && self.key_times.is_empty()
+    }
+
+    /// Its values.
+    pub fn values(&self) -> &Values {
+        &self.data
+    }
+
+    /// Floats a value at one key.
+    pub fn lanes(&self) -> usize {
+        self.lanes
+    }
+
+    /// Key times; empty where nothing changes.
+    pub fn key_times(&self) -> &[f32] {
+        &self.key_times
     }
 
     /// Straight segments in time; 0 where nothing changes.
@@ -171,17 +187,17 @@ impl Source {
         };
         let first = key * self.lanes;
         match &self.data {
-            Data::Constant(values) => copy(values, first),
-            Data::Uniform(values) => {
+            Values::Constant(values) => copy(values, first),
+            Values::Uniform(values) => {
                 let stride = self.lanes * self.key_times.len().max(1);
                 copy(values, element as usize * stride + first);
             }
-            Data::Instance(level, resolved) => match channels.instance(*level) {
+            Values::Instance(level, resolved) => match channels.instance(*level) {
                 i if i < resolved.item_count() => copy(resolved.item(i), first),
                 _ => out.fill(0.0),
             },
-            Data::Channel(i) if self.is_integer => channels.nearest(*i, first, out),
-            Data::Channel(i) => channels.smooth(*i, first, out),
+            Values::Channel(i) if self.is_integer => channels.nearest(*i, first, out),
+            Values::Channel(i) => channels.smooth(*i, first, out),
         }
     }
 }

@@ -306,13 +306,13 @@
 // Rays pass through backs, but for prims that are double-sided.
 #define TRZ_CULL_BACK_UNLESS_DOUBLE_SIDED 3
 
-// What is fastest: the CPU, for as long as a GPU traces camera rays alone.
+// What is fastest: the CPU, for as long as no GPU has been measured.
 #define TRZ_BACKEND_AUTO 0
 
 // All on the CPU.
 #define TRZ_BACKEND_CPU 1
 
-// A GPU traces camera rays, and the CPU does the rest; see trz_device_describe. Settings that ask for it are refused
+// A GPU renders what it knows, and the CPU the rest; see trz_device_describe. Settings that ask for it are refused
 // with TRZ_ERROR_UNSUPPORTED where no device opens. A scene that the device does not take, and a device that is
 // lost, give one warning, and the CPU renders, or goes on from the samples that there are.
 #define TRZ_BACKEND_GPU 2

@@ -2,12 +2,14 @@
 
 mod hidden;
 
+use std::ops::RangeInclusive;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use glam::DVec3;
+use hdtrapeze_core::film::tile::PixelSums;
 use hdtrapeze_core::render::{
-    Elsewhere, Frame, Generator, Prepared, RayTracer, RenderControl, Stage, TileSamples,
+    Elsewhere, Frame, Generator, Made, Prepared, RayTracer, RenderControl, Stage, TileSamples,
     render_with,
 };
 use hdtrapeze_core::scene::{Cull, Interpolation, PrimvarDesc, RenderSettings, Scene};
@@ -23,8 +25,42 @@ struct Standin<'a> {
 }
 
 impl RayTracer for Standin<'_> {
-    fn first_stage(&self) -> Stage {
-        self.first
+    fn stages(&self) -> RangeInclusive<Stage> {
+        self.first..=self.first.max(Stage::Trace)
+    }
+
+    fn film(
+        &self,
+        tiles: &[TileSamples],
+        made: &Made,
+        pixels: &mut [PixelSums],
+    ) -> Result<(), String> {
+        if self.calls.fetch_add(1, Ordering::Relaxed) >= self.fails {
+            return Err("it is lost".to_owned());
+        }
+        let generator = Generator::new(self.prepared);
+        let (mut ray, mut pixel) = (0, 0);
+        for tile in tiles {
+            for (slot, job) in generator.draw_tile(tile) {
+                let sums = &mut pixels[pixel + slot];
+                let color = made.colors[ray].map(|c| c * job.weight);
+                for (sum, c) in sums
+                    .color
+                    .iter_mut()
+                    .zip(color.into_iter().chain([job.weight]))
+                {
+                    *sum += c;
+                }
+                if job.distance2 < sums.distance2 {
+                    sums.distance2 = job.distance2;
+                    sums.time = job.ray.time;
+                    sums.hit = made.hits[ray];
+                }
+                ray += 1;
+            }
+            pixel += (tile.width * tile.height) as usize;
+        }
+        Ok(())
     }
 
     fn trace_tiles(&self, tiles: &[TileSamples], hits: &mut [Hit]) -> Result<(), String> {
@@ -112,6 +148,74 @@ fn samples_that_were_taken_stay_when_it_fails() {
         assert_eq!(fault.as_deref(), Some("it is lost"));
         assert!(bits(&frame) == here, "failed at call {fails}");
     }
+}
+
+/// What both films show, within roundings of the sums of a pass.
+fn same_but_for_rounding(a: &Frame, b: &Frame) -> bool {
+    let same = |a: &u32, b: &u32| {
+        let [a, b] = [*a, *b].map(f32::from_bits);
+        (a - b).abs() <= 2.0e-6 * b.abs().max(1.0)
+    };
+    let (a, b) = (bits(a), bits(b));
+    a.iter().zip(&b).all(|((name, a), (_, b))| match &name[..] {
+        "color" => a.len() == b.len() && a.iter().zip(b).all(|(a, b)| same(a, b)),
+        _ => a == b,
+    })
+}
+
+#[test]
+fn pixels_that_are_summed_elsewhere_are_taken_up() {
+    let mut stage = stage();
+    let aovs = [
+        "color",
+        "depth",
+        "P",
+        "primId",
+        "elementId",
+        "subsetId",
+        "sampleCount",
+    ];
+    Arc::make_mut(&mut stage.settings).aovs = aovs.map(str::to_owned).to_vec();
+    for prim in stage.prims.values_mut() {
+        Arc::make_mut(prim).common.primvars.clear();
+    }
+    let prepared = prepared(&stage, None);
+    assert_eq!(prepared.shaded_here(), None);
+    let here = rendered(&prepared).0;
+    for fails in [0, 2, 3, u32::MAX] {
+        let (frame, calls, fault) = traced_elsewhere(&prepared, Stage::Film, fails);
+        assert_eq!(calls, fails.saturating_add(1).min(5));
+        assert_eq!(fault.is_some(), fails < 5);
+        assert!(
+            same_but_for_rounding(&frame, &here),
+            "failed at call {fails}"
+        );
+    }
+}
+
+#[test]
+fn what_is_shaded_here_is_said() {
+    let reason = |change: &dyn Fn(&mut Scene)| {
+        let mut stage = stage();
+        change(&mut stage);
+        prepared(&stage, None).shaded_here()
+    };
+    assert_eq!(reason(&|_| ()).as_deref(), Some("/ball0 is not opaque"));
+    let opaque = |stage: &mut Scene| {
+        for prim in stage.prims.values_mut() {
+            Arc::make_mut(prim).common.primvars.clear();
+        }
+    };
+    assert_eq!(
+        reason(&opaque).as_deref(),
+        Some("the AOV normal is asked for")
+    );
+    let culled = |stage: &mut Scene| {
+        opaque(stage);
+        Arc::make_mut(&mut stage.settings).cull = Cull::Back;
+    };
+    let why = reason(&culled).unwrap_or_default();
+    assert!(why.starts_with("rays pass through a side of /"), "{why}");
 }
 
 #[test]

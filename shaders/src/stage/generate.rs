@@ -33,8 +33,8 @@ pub struct GeneratePermutation {
     pub time: TimeKind,
 }
 
-/// Side of the square of pixels that a workgroup of the stage `generate` takes, and such squares along a tile.
-pub const GENERATE_SQUARE: [u32; 2] = [8, 2];
+/// Side of the square of pixels that a workgroup takes where stages go by pixel, and such squares along a tile.
+pub const TILE_SQUARE: [u32; 2] = [8, 2];
 
 impl GeneratePermutation {
     /// All there are.
@@ -53,7 +53,9 @@ impl GeneratePermutation {
         [
             self.samples().as_str(),
             crate::layout::SOURCE,
+            include_str!("../wgsl/pose.wgsl"),
             include_str!("../wgsl/camera.wgsl"),
+            include_str!("../wgsl/tiles.wgsl"),
             include_str!("../wgsl/generate.wgsl"),
         ]
         .concat()
@@ -80,7 +82,7 @@ mod tests {
     #[test]
     fn every_permutation_is_valid() {
         for permutation in GeneratePermutation::all() {
-            let [side, _] = GENERATE_SQUARE;
+            let [side, _] = TILE_SQUARE;
             check(&permutation.source(), &[("generate", [side * side, 1, 1])]);
         }
     }

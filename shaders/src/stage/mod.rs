@@ -1,9 +1,13 @@
 //! The text of each stage: what it needs, one after the other, with what its permutation fixes.
 
+mod film;
 mod generate;
+mod shade;
 mod trace;
 
-pub use generate::{GENERATE_SQUARE, GeneratePermutation, LensKind, TimeKind};
+pub use film::film_source;
+pub use generate::{GeneratePermutation, LensKind, TILE_SQUARE, TimeKind};
+pub use shade::{SHADE_WORKGROUP, ShadePermutation};
 pub use trace::{STACKS, TRACE_WORKGROUP, TracePermutation};
 
 #[cfg(test)]

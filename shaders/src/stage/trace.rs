@@ -37,6 +37,7 @@ impl TracePermutation {
             fixed.as_str(),
             crate::layout::SOURCE,
             include_str!("../wgsl/slabs.wgsl"),
+            include_str!("../wgsl/keys.wgsl"),
             include_str!("../wgsl/cells.wgsl"),
             include_str!("../wgsl/trace.wgsl"),
             match self.counts {

@@ -1,48 +1,11 @@
-// Filter, shutter, lens and pose: twins of core's film/filter.rs and of its camera, in f32.
+// Filter, shutter and lens: twins of core's film/filter.rs and of its camera, in f32.
 //
-// Core computes shutter curves, arcs of blades and poses in f64. Here each is put so that nothing cancels, with what
-// the host rounds once: a result is off by a few roundings of its own size. Sines and cosines are polynomials: what WGSL
-// asks of its own is too little for a ray. Tables stand in `tables`, as words; places in it are those of `camera`.
+// Core computes shutter curves and arcs of blades in f64. Here each is put so that nothing cancels, with what the host
+// rounds once: a result is off by a few roundings of its own size.
 
 const QUARTER_PI: f32 = 0.7853981633974483;
 // Farther than any range that is clipped.
 const FAR: f32 = 2.0e30;
-
-fn number_at(i: u32) -> f32 {
-    return bitcast<f32>(tables[i]);
-}
-
-fn pair_at(i: u32) -> vec2<f32> {
-    return vec2<f32>(number_at(i), number_at(i + 1u));
-}
-
-fn triple_at(i: u32) -> vec3<f32> {
-    return vec3<f32>(number_at(i), number_at(i + 1u), number_at(i + 2u));
-}
-
-fn quadruple_at(i: u32) -> vec4<f32> {
-    return vec4<f32>(triple_at(i), number_at(i + 3u));
-}
-
-// x - sin(x), for x from -pi/2 to pi/2.
-fn less_sine(x: f32) -> f32 {
-    let s = x * x;
-    return x * s * (1.0 / 6.0 - s * (1.0 / 120.0 - s * (1.0 / 5040.0 - s * (1.0 / 362880.0 - s * (1.0 / 39916800.0 - s / 6227020800.0)))));
-}
-
-fn sine(x: f32) -> f32 {
-    return x - less_sine(x);
-}
-
-// 1 - cos(x), likewise.
-fn less_cosine(x: f32) -> f32 {
-    let half = sine(0.5 * x);
-    return 2.0 * half * half;
-}
-
-fn cosine(x: f32) -> f32 {
-    return 1.0 - less_cosine(x);
-}
 
 // One axis of the filter: the offset from the pixel's centre, and the weight.
 fn filter_axis(u: f32) -> vec2<f32> {
@@ -168,47 +131,6 @@ fn lens_point(at: vec2<f32>) -> vec2<f32> {
     return (vectors.xy * along.x + vectors.zw * along.y) * polar.x;
 }
 
-// Words of a key of the camera's path: its time, and, up to the next one, where the turn is and which way it goes (two
-// quaternions at right angles), its angle, the columns of the stretch, and the place.
-const KEY: u32 = 22u;
-
-fn turned(rotation: vec4<f32>, v: vec3<f32>) -> vec3<f32> {
-    let t = 2.0 * cross(rotation.xyz, v);
-    return v + rotation.w * t + cross(rotation.xyz, t);
-}
-
-// A place and a direction in camera space, to the world.
-struct Posed {
-    origin: vec3<f32>,
-    dir: vec3<f32>,
-}
-
-fn posed(origin: vec3<f32>, dir: vec3<f32>, time: f32) -> Posed {
-    if !MOVES {
-        let x = camera.column_x.xyz;
-        let y = camera.column_y.xyz;
-        let z = camera.column_z.xyz;
-        return Posed(x * origin.x + y * origin.y + z * origin.z + camera.place.xyz, x * dir.x + y * dir.y + z * dir.z);
-    }
-    var low = 0u;
-    while low + 2u < camera.key_count && number_at(camera.keys + KEY * (low + 1u)) <= time {
-        low += 1u;
-    }
-    let a = camera.keys + KEY * low;
-    let b = a + KEY;
-    let start = number_at(a);
-    let f = clamp((time - start) / (number_at(b) - start), 0.0, 1.0);
-    let angle = f * number_at(a + 9u);
-    let rotation = quadruple_at(a + 1u) * cosine(angle) + quadruple_at(a + 5u) * sine(angle);
-    let x = mix(triple_at(a + 10u), triple_at(b + 10u), f);
-    let y = mix(triple_at(a + 13u), triple_at(b + 13u), f);
-    let z = mix(triple_at(a + 16u), triple_at(b + 16u), f);
-    let p = triple_at(a + 19u);
-    let place = p + (triple_at(b + 19u) - p) * f;
-    let o = turned(rotation, x * origin.x + y * origin.y + z * origin.z) + place;
-    return Posed(o, turned(rotation, x * dir.x + y * dir.y + z * dir.z));
-}
-
 // What clipping planes leave of a range; one that begins after its end where nothing is left.
 fn clipped(origin: vec3<f32>, dir: vec3<f32>, range: vec2<f32>) -> vec2<f32> {
     var near = range.x;
@@ -247,10 +169,10 @@ fn camera_ray(raster: vec2<f32>, lens_at: vec2<f32>, time: f32) -> Ray {
     if camera.plane_count != 0u {
         range = clipped(origin, dir, range);
     }
-    let there = posed(origin, dir, time);
+    let pose = pose_at(time);
     var out: Ray;
-    out.origin = there.origin;
-    out.dir = there.dir;
+    out.origin = pose.x * origin.x + pose.y * origin.y + pose.z * origin.z + pose.place;
+    out.dir = pose.x * dir.x + pose.y * dir.y + pose.z * dir.z;
     out.t_min = range.x;
     out.t_max = range.y;
     out.time = time;

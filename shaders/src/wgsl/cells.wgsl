@@ -61,23 +61,6 @@ fn cell_ray(origin: vec3<f32>, dir: vec3<f32>, time: f32, object: Object) -> Cel
     return out;
 }
 
-// Segment of keys that holds a time, and the fraction inside it.
-struct KeyPlace {
-    key: u32,
-    fraction: f32,
-}
-
-// `count` is 2 or more.
-fn locate(times: u32, count: u32, time: f32) -> KeyPlace {
-    var key = 0u;
-    while key + 2u < count && bitcast<f32>(words[times + key + 1u]) <= time {
-        key += 1u;
-    }
-    let a = bitcast<f32>(words[times + key]);
-    let b = bitcast<f32>(words[times + key + 1u]);
-    return KeyPlace(key, clamp((time - a) / (b - a), 0.0, 1.0));
-}
-
 // A vertex as the ray sees it.
 fn sheared(ray: CellRay, lattice: Lattice, vertex: u32) -> vec3<f32> {
     let by = ray.axes * lattice.plane + vec3<u32>(vertex);

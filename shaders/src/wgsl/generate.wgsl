@@ -1,23 +1,17 @@
 // Stage `generate`: the camera rays of samples of tiles, into the buffer that `trace` reads; the twin of core's
 // render/generate.rs.
 //
-// A workgroup takes 8 by 8 pixels of a tile, an invocation all samples of one. Rays are numbered as core numbers them: by
-// tile, block, sample and pixel; hits come back by number. Where samples have times, the rays of a block stand in another
-// order: first the earliest of each pixel, then the next, since those that go through the tree together should see it at
-// nearly one instant.
+// An invocation draws all samples of a pixel. Rays are numbered as core numbers them; hits come back by number. Where
+// samples have times, the rays of a block stand in another order: first the earliest of each pixel, then the next, since
+// those that go through the tree together should see it at nearly one instant.
 
 // The permutation fixes NET, LENS and TIME, as sample.wgsl has them, and MOVES: the camera does.
 
 @group(0) @binding(0) var<uniform> camera: Camera;
 @group(0) @binding(1) var<storage, read> tables: array<u32>;
-@group(1) @binding(0) var<storage, read> words: array<u32>;
-@group(1) @binding(1) var<storage, read> tiles: array<TileSamples>;
-@group(1) @binding(2) var<uniform> launch: GenerateLaunch;
+@group(1) @binding(2) var<storage, read> words: array<u32>;
 @group(1) @binding(3) var<storage, read_write> rays: array<Ray>;
 
-// Side of the pixels of a workgroup, and of a tile in workgroups.
-const SIDE: u32 = 8u;
-const ACROSS: u32 = 2u;
 // Samples of a pixel that are ordered by time, at most.
 const MOST_ORDERED: u32 = 64u;
 
@@ -51,27 +45,12 @@ fn take_place(free: ptr<function, vec2<u32>>, wanted: u32) -> u32 {
 
 @compute @workgroup_size(64)
 fn generate(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let part = group.y * launch.row + group.x;
-    let index = part / (ACROSS * ACROSS);
-    if index >= launch.tile_count {
+    let at = tile_pixel(group, lane);
+    if !at.is_there {
         return;
     }
-    let own = tiles[index];
-    let x = part % ACROSS * SIDE + lane % SIDE;
-    let y = part / ACROSS % ACROSS * SIDE + lane / SIDE;
-    if x >= own.width || y >= own.height {
-        return;
-    }
-    // The block: pixels before it, its own, and which of them this is.
-    let block = own.block;
-    let left = x / block * block;
-    let top = y / block * block;
-    let wide = min(block, own.width - left);
-    let high = min(block, own.height - top);
-    let first = own.first_ray + own.count * (top * own.width + left * high) + (y - top) * wide + (x - left);
-    let size = wide * high;
-
-    let pixel = vec2<i32>(own.x + i32(x), own.y + i32(y));
+    let own = tiles[at.tile];
+    let pixel = vec2<i32>(own.x + i32(at.x), own.y + i32(at.y));
     let pattern = pattern_of(camera.seed, camera.digits, pixel);
     var free = ~vec2<u32>(0u);
     if own.count < MOST_ORDERED {
@@ -95,9 +74,9 @@ fn generate(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_i
             lens_at = lens_point(drawn.lens);
         }
         var ray = camera_ray(vec2<f32>(pixel) + 0.5 + offset, lens_at, time);
-        ray.number = first + i * size;
+        ray.number = at.first_ray + i * at.step;
         ray.weight = across.y * down.y;
         ray.distance2 = dot(offset, offset);
-        rays[first + place * size] = ray;
+        rays[at.first_ray + place * at.step] = ray;
     }
 }

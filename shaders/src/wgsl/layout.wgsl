@@ -164,17 +164,72 @@ struct TileSamples {
     // Number of the first sample, and how many there are.
     first_sample: u32,
     count: u32,
-    // Number of the first ray.
+    // Number of the first ray, and of the first pixel.
     first_ray: u32,
+    first_pixel: u32,
     // Side of the blocks of pixels that rays are numbered by.
     block: u32,
 }
 
-// What a launch of the stage `generate` works on.
-struct GenerateLaunch {
+// What a launch of a stage that goes by pixel works on.
+struct TilesLaunch {
     // Workgroups in a row: launches wider than a device allows have several rows.
     row: u32,
     tile_count: u32,
-    // The sample that the first of `words` are of.
+    // The sample that the first words of samples are of.
     first_sample: u32,
+}
+
+// How an instance looks. Places are words of `paints`.
+struct Look {
+    // 1: it takes rays away, and gives nothing.
+    matte: u32,
+    // Of its colour: 0 one for all, 1 one a face, 2 one a vertex.
+    kind: u32,
+    // First word of its colours, or of its own.
+    paint: u32,
+    // Faces that have one.
+    items: u32,
+    // Words from one to the next, and of one at a key.
+    stride: u32,
+    lanes: u32,
+    // Its key times, and how many; 0 where nothing changes.
+    paint_times: u32,
+    paint_keys: u32,
+    // Octahedral normals of its vertices, and how many keys they have; 0 without any.
+    normals: u32,
+    normal_keys: u32,
+}
+
+// What a launch of the stage `shade` works on.
+struct ShadeLaunch {
+    ray_count: u32,
+    // Rays of one row of workgroups.
+    row: u32,
+    // Radiance of a white surface that looks along the axis of view.
+    light: f32,
+}
+
+// What one camera sample brings home.
+struct Sample {
+    // Premultiplied radiance, and coverage.
+    color: vec4<f32>,
+    weight: f32,
+    distance2: f32,
+    time: f32,
+}
+
+// What samples of a pixel add up to.
+struct Pixel {
+    // Weighted.
+    red: f32,
+    green: f32,
+    blue: f32,
+    alpha: f32,
+    // Of all weights.
+    weight: f32,
+    // Of the sample nearest to the pixel's centre.
+    distance2: f32,
+    time: f32,
+    hit: Hit,
 }

@@ -1,0 +1,273 @@
+//! A scene on a device, and the stages that it runs for core's passes.
+//!
+//! Everything from samples to sums of pixels, where the scene and its AOVs are of the kind that `shade` knows; camera rays
+//! and their hits elsewhere; hits of rays that the CPU draws where the device does not know the lens.
+
+use std::ops::RangeInclusive;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use hdtrapeze_core::film::tile::PixelSums;
+use hdtrapeze_core::render::{Generator, Made, Prepared, RayTracer, Stage, TileSamples};
+use hdtrapeze_core::trace::{Hit, Ray};
+use hdtrapeze_shaders::layout::{self, Sample};
+
+use super::film::Filmer;
+use super::shade::{GpuLooks, Shader};
+use super::tiles::GpuTiles;
+use super::trace::{packed, to_layout};
+use super::{Device, GpuCamera, GpuError, GpuScene, RayMaker, Tracer};
+
+/// The stages of a device, each compiled once.
+#[derive(Debug)]
+pub struct Stages {
+    rays: RayMaker,
+    tracer: Tracer,
+    shader: Shader,
+    filmer: Filmer,
+}
+
+/// A committed scene on a device.
+#[derive(Debug)]
+pub struct GpuFrame {
+    stages: Arc<Stages>,
+    scene: GpuScene,
+    /// Where it draws the rays of this camera.
+    camera: Option<GpuCamera>,
+    /// How it looks, or why the CPU shades it.
+    looks: Result<GpuLooks, String>,
+    /// The first stage that is run here at most.
+    first: Stage,
+    /// Seconds of each stage, where they are asked for.
+    seconds: Option<Mutex<[f64; 4]>>,
+}
+
+impl Stages {
+    /// For this device.
+    pub fn new(device: &Arc<Device>) -> Self {
+        Self {
+            rays: RayMaker::new(Arc::clone(device)),
+            tracer: Tracer::new(Arc::clone(device)),
+            shader: Shader::new(Arc::clone(device)),
+            filmer: Filmer::new(Arc::clone(device)),
+        }
+    }
+
+    /// The device.
+    pub fn device(&self) -> &Arc<Device> {
+        self.tracer.device()
+    }
+}
+
+impl GpuFrame {
+    /// Uploads a scene.
+    ///
+    /// # Errors
+    /// It is larger than the device takes, or holds what a GPU cannot trace; or the device is lost.
+    pub fn new(stages: Arc<Stages>, prepared: &Prepared) -> Result<Self, GpuError> {
+        if prepared.plan().has_culling() {
+            let what = "scenes whose sides are culled".to_owned();
+            return Err(GpuError::Unsupported(what));
+        }
+        let device = stages.device();
+        let scene = GpuScene::new(device, prepared.world())?;
+        let camera = match GpuCamera::new(device, &Generator::new(prepared)) {
+            Err(GpuError::Unsupported(why)) => Err(why),
+            made => Ok(made?),
+        };
+        let (camera, looks) = match camera {
+            Err(why) => (None, Err(why)),
+            Ok(camera) => {
+                let looks = match GpuLooks::new(device, &scene, &camera, prepared) {
+                    Err(GpuError::Unsupported(why)) => Err(why),
+                    Err(error @ (GpuError::TooLarge { .. } | GpuError::OutOfMemory { .. })) => {
+                        Err(error.to_string())
+                    }
+                    made => Ok(made?),
+                };
+                (Some(camera), looks)
+            }
+        };
+        Ok(Self {
+            stages,
+            scene,
+            camera,
+            looks,
+            first: Stage::Generate,
+            seconds: None,
+        })
+    }
+
+    /// The same with stages before `first` on the CPU, to narrow a difference down to a stage.
+    #[must_use]
+    pub fn starting_at(self, first: Stage) -> Self {
+        Self { first, ..self }
+    }
+
+    /// The same with each stage timed.
+    #[must_use]
+    pub fn timed(self) -> Self {
+        Self {
+            seconds: Some(Mutex::default()),
+            ..self
+        }
+    }
+
+    /// Seconds that the device took for generate, trace, shade and film by now, where they are timed and it can tell.
+    pub fn seconds(&self) -> [f64; 4] {
+        let seconds = self.seconds.as_ref();
+        seconds.map_or([0.0; 4], |s| {
+            *s.lock().unwrap_or_else(PoisonError::into_inner)
+        })
+    }
+
+    /// Bytes of the scene on the device.
+    pub fn bytes(&self) -> u64 {
+        self.scene.bytes()
+    }
+
+    /// What it is on, for people.
+    pub fn name(&self) -> String {
+        format!("gpu ({})", self.stages.device().found().name)
+    }
+
+    /// The same, and what is done there.
+    pub fn explain(&self) -> String {
+        let done = match (&self.camera, &self.looks) {
+            (_, Ok(_)) => "draws, traces, shades and films samples".to_owned(),
+            (Some(_), Err(why)) => {
+                format!("draws and traces camera rays; the CPU shades and films them: {why}")
+            }
+            (None, Err(why)) => {
+                format!("traces camera rays; the CPU draws, shades and films them: {why}")
+            }
+        };
+        format!("{}, which {done}", self.name())
+    }
+
+    fn took(&self, stage: Stage, seconds: Option<f64>) {
+        if let (Some(all), Some(seconds)) = (&self.seconds, seconds) {
+            all.lock().unwrap_or_else(PoisonError::into_inner)[stage as usize] += seconds;
+        }
+    }
+
+    /// Rays of tiles, on the device.
+    fn drawn(&self, camera: &GpuCamera, tiles: &GpuTiles) -> Result<wgpu::Buffer, GpuError> {
+        let timed = self.seconds.is_some();
+        let (rays, seconds) = self.stages.rays.draw(camera, tiles, timed)?;
+        self.took(Stage::Generate, seconds);
+        Ok(rays)
+    }
+
+    /// What rays that are there hit, on the device.
+    fn traced(&self, rays: &wgpu::Buffer, len: usize) -> Result<wgpu::Buffer, GpuError> {
+        let tracer = &self.stages.tracer;
+        let batch = tracer.batch_of(&self.scene, rays, len, false, false)?;
+        self.took(Stage::Trace, tracer.run(&batch)?);
+        Ok(batch.into_hits())
+    }
+
+    fn film_tiles(
+        &self,
+        camera: &GpuCamera,
+        looks: &GpuLooks,
+        tiles: &[TileSamples],
+        made: &Made,
+        pixels: &mut [PixelSums],
+    ) -> Result<(), GpuError> {
+        let device = self.stages.device();
+        let timed = self.seconds.is_some();
+        let tiles = &GpuTiles::new(device, tiles, camera.has_time)?;
+        let hits_made: Vec<layout::Hit> = made.hits.iter().map(to_layout).collect();
+        if self.first == Stage::Film {
+            let hits = device.upload("hits", bytemuck::cast_slice(&hits_made))?;
+            let samples = made.jobs.iter().zip(&made.colors);
+            let samples = samples.map(|(job, &color)| Sample {
+                color,
+                weight: job.weight,
+                distance2: job.distance2,
+                time: job.ray.time,
+                ..Sample::default()
+            });
+            let samples: Vec<Sample> = samples.collect();
+            let samples = device.upload("samples", bytemuck::cast_slice(&samples))?;
+            let seconds = self
+                .stages
+                .filmer
+                .film(tiles, [&samples, &hits], pixels, timed)?;
+            self.took(Stage::Film, seconds);
+            return Ok(());
+        }
+        let rays = match self.first {
+            Stage::Generate => self.drawn(camera, tiles)?,
+            _ => {
+                let jobs = (0..).zip(&made.jobs);
+                let rays = jobs.map(|(number, job)| layout::Ray {
+                    weight: job.weight,
+                    distance2: job.distance2,
+                    ..packed((number, &job.ray))
+                });
+                let rays: Vec<layout::Ray> = rays.collect();
+                device.upload("rays", bytemuck::cast_slice(&rays))?
+            }
+        };
+        let hits = match self.first {
+            Stage::Shade => device.upload("hits", bytemuck::cast_slice(&hits_made))?,
+            _ => self.traced(&rays, tiles.rays)?,
+        };
+        let shader = &self.stages.shader;
+        let (samples, seconds) = shader.shade(
+            &self.scene,
+            camera,
+            looks,
+            [&rays, &hits],
+            tiles.rays,
+            timed,
+        )?;
+        self.took(Stage::Shade, seconds);
+        let filmer = &self.stages.filmer;
+        let seconds = filmer.film(tiles, [&samples, &hits], pixels, timed)?;
+        self.took(Stage::Film, seconds);
+        Ok(())
+    }
+}
+
+impl RayTracer for GpuFrame {
+    fn stages(&self) -> RangeInclusive<Stage> {
+        match (&self.camera, &self.looks) {
+            (Some(_), Ok(_)) => self.first..=Stage::Film,
+            (Some(_), Err(_)) => self.first.min(Stage::Trace)..=Stage::Trace,
+            (None, _) => Stage::Trace..=Stage::Trace,
+        }
+    }
+
+    fn trace(&self, rays: &[Ray], hits: &mut [Hit]) -> Result<(), String> {
+        let traced = self.stages.tracer.trace(&self.scene, rays, false, hits);
+        traced.map_err(|error| error.to_string())
+    }
+
+    fn trace_tiles(&self, tiles: &[TileSamples], hits: &mut [Hit]) -> Result<(), String> {
+        let Some(camera) = &self.camera else {
+            return Err("it draws no rays".to_owned());
+        };
+        let device = self.stages.device();
+        let traced = GpuTiles::new(device, tiles, camera.has_time).and_then(|tiles| {
+            let rays = self.drawn(camera, &tiles)?;
+            let there = self.traced(&rays, tiles.rays)?;
+            self.stages.tracer.read_hits(&there, hits)
+        });
+        traced.map_err(|error| error.to_string())
+    }
+
+    fn film(
+        &self,
+        tiles: &[TileSamples],
+        made: &Made,
+        pixels: &mut [PixelSums],
+    ) -> Result<(), String> {
+        let (Some(camera), Ok(looks)) = (&self.camera, &self.looks) else {
+            return Err("it films nothing".to_owned());
+        };
+        let filmed = self.film_tiles(camera, looks, tiles, made, pixels);
+        filmed.map_err(|error| error.to_string())
+    }
+}

@@ -1,0 +1,472 @@
+//! Images whose samples a device draws, traces, shades and films against the CPU's.
+//!
+//! Ids, depths and places are those of the CPU but where micropolygons meet a ray within rounding of each other, or two
+//! samples of a pixel are as far from its centre: in few pixels. There a sample may also have another colour. Elsewhere
+//! colours are off by roundings.
+
+#[path = "../../tests/support/mod.rs"]
+mod support;
+
+mod device;
+
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use device::Check;
+use glam::{DMat4, DVec3, Quat, Vec3};
+use hdtrapeze_core::aov::{Aov, AovData};
+use hdtrapeze_core::render::{
+    Elsewhere, Frame, Prepared, RayTracer, RenderControl, Stage, prepare, render, render_with,
+};
+use hdtrapeze_core::scene::{
+    CameraDesc, FilterKind, Geometry, ImplicitDesc, ImplicitKind, InstanceArrays, InstancerDesc,
+    Interpolation, MeshDesc, PointsSamples, PrimCommon, PrimDesc, PrimId, PrimvarDesc,
+    PrimvarSample, PrimvarValues, RenderSettings, Samples, Scene, TransformSamples,
+};
+use hdtrapeze_core::surface::{MeshTopology, Scheme};
+use hdtrapeze_gpu::{Device, GpuFrame, Stages};
+use libtest_mimic::Failed;
+use support::NoSubdivision;
+
+const CAMERA: PrimId = PrimId(1000);
+const INSTANCER: PrimId = PrimId(2000);
+
+/// Share of pixels that may differ more than by rounding.
+const DIFFERENT: f64 = 0.01;
+/// Colours and places are off by no more elsewhere, in parts of themselves or of 1.
+const CLOSE: f32 = 1.0e-5;
+/// The same where the CPU has shaded: sums of as many samples are rounded.
+const SUMMED: f32 = 2.0e-6;
+
+fn at(matrices: &[DMat4]) -> Vec<TransformSamples> {
+    let last = (matrices.len() - 1).max(1) as f64;
+    vec![TransformSamples {
+        times: (0..matrices.len()).map(|i| i as f64 / last).collect(),
+        matrices: matrices.to_vec(),
+        ..TransformSamples::default()
+    }]
+}
+
+fn still(interpolation: Interpolation, count: usize) -> PrimvarDesc {
+    let color = |i: usize| (i * 7 % 11) as f32 / 11.0 + 0.05;
+    let values = (0..3 * count).map(color).collect();
+    PrimvarDesc::still(interpolation, 3, values, vec![])
+}
+
+/// A rippled sheet of 6 by 5 polygons, with a key of its points for each growth.
+fn sheet(path: &str, growths: &[f32], color: Interpolation) -> PrimDesc {
+    let (nu, nv) = (6u32, 5u32);
+    let corner = |i: u32, j: u32| j * (nu + 1) + i;
+    let quads = (0..nv).flat_map(|j| (0..nu).map(move |i| (i, j)));
+    let faces = quads.flat_map(|(i, j)| {
+        [
+            corner(i, j),
+            corner(i + 1, j),
+            corner(i + 1, j + 1),
+            corner(i, j + 1),
+        ]
+    });
+    let vertex = |k: u32, growth: f32| {
+        let [x, y] = [
+            (k % (nu + 1)) as f32 / nu as f32 - 0.5,
+            (k / (nu + 1)) as f32 / nv as f32 - 0.5,
+        ];
+        let z = 0.4 * (5.0 * x + growth).sin() * (4.0 * y).cos();
+        Vec3::new(7.0 * x + growth, 6.0 * y, z)
+    };
+    let points = |&growth: &f32| {
+        let points = 0..(nu + 1) * (nv + 1);
+        Arc::new(points.map(|k| vertex(k, growth)).collect())
+    };
+    let last = (growths.len() - 1).max(1) as f64;
+    let topology = MeshTopology {
+        scheme: Scheme::None,
+        face_vertex_counts: vec![4; (nu * nv) as usize],
+        face_vertex_indices: faces.collect(),
+        ..MeshTopology::default()
+    };
+    let geometry = Geometry::Mesh(MeshDesc {
+        topology: Arc::new(topology),
+        points: PointsSamples {
+            times: (0..growths.len()).map(|i| i as f64 / last).collect(),
+            points: growths.iter().map(points).collect(),
+            ..PointsSamples::default()
+        },
+        ..MeshDesc::default()
+    });
+    let count = match color {
+        Interpolation::Constant => 1,
+        Interpolation::Uniform => nu * nv,
+        Interpolation::FaceVarying => 4 * nu * nv,
+        Interpolation::Varying | Interpolation::Vertex => (nu + 1) * (nv + 1),
+    };
+    let mut common = PrimCommon::new(path);
+    let color = still(color, count as usize);
+    common.primvars.insert("displayColor".to_owned(), color);
+    common.transform = at(&[DMat4::from_translation(DVec3::NEG_Z * 3.0)]);
+    PrimDesc { common, geometry }
+}
+
+fn ball(path: &str, radius: f64, places: &[DVec3]) -> PrimDesc {
+    let geometry = Geometry::Implicit(ImplicitDesc {
+        kind: ImplicitKind::Sphere,
+        times: vec![0.0],
+        sizes: vec![[radius, 0.0, 0.0]],
+        ..ImplicitDesc::default()
+    });
+    let mut common = PrimCommon::new(path);
+    let squashed = DMat4::from_scale(DVec3::new(1.0, 0.7, 1.2));
+    let matrices: Vec<DMat4> = places
+        .iter()
+        .map(|&p| DMat4::from_translation(p) * squashed)
+        .collect();
+    common.transform = at(&matrices);
+    PrimDesc { common, geometry }
+}
+
+/// A colour that changes while the shutter is open.
+fn changing() -> PrimvarDesc {
+    let sample = |(time, value): (f64, [f32; 3])| PrimvarSample {
+        time,
+        values: Arc::new(PrimvarValues::Float(value.to_vec())),
+        indices: Arc::default(),
+    };
+    let samples = [
+        (0.0, [0.9, 0.1, 0.2]),
+        (0.4, [0.1, 0.8, 0.3]),
+        (1.0, [0.2, 0.2, 1.0]),
+    ];
+    PrimvarDesc {
+        samples: samples.into_iter().map(sample).collect(),
+        ..PrimvarDesc::still(Interpolation::Constant, 3, vec![], vec![])
+    }
+}
+
+fn scene(prims: Vec<PrimDesc>) -> Scene {
+    let mut scene = Scene::default();
+    for (i, mut prim) in prims.into_iter().enumerate() {
+        prim.common.pick_id = i as i32 + 1;
+        scene.prims.insert(PrimId(i as u64 + 1), Arc::new(prim));
+    }
+    let camera = CameraDesc {
+        path: "/camera".to_owned(),
+        transform: at(&[DMat4::from_translation(DVec3::new(0.4, 0.3, 6.0))]),
+        focal_length: 2.5,
+        focus_distance: 7.0,
+        clipping: [0.1, 1000.0],
+        shutter: [0.0, 1.0],
+        ..CameraDesc::default()
+    };
+    scene.cameras.insert(CAMERA, Arc::new(camera));
+    scene.active_camera = Some(CAMERA);
+    let aovs = [
+        "color",
+        "depth",
+        "cameraDepth",
+        "P",
+        "primId",
+        "instanceId",
+        "elementId",
+        "sampleCount",
+    ];
+    scene.settings = Arc::new(RenderSettings {
+        resolution: [70, 44],
+        samples: 9,
+        occlusion_culling: false,
+        aovs: aovs.map(str::to_owned).to_vec(),
+        ..RenderSettings::default()
+    });
+    scene
+}
+
+fn set(scene: &mut Scene, change: impl FnOnce(&mut RenderSettings)) {
+    change(Arc::make_mut(&mut scene.settings));
+}
+
+fn shoot(scene: &mut Scene, change: impl FnOnce(&mut CameraDesc)) {
+    let camera = scene.cameras.get_mut(&CAMERA).expect("it has a camera");
+    change(Arc::make_mut(camera));
+}
+
+fn stage() -> Scene {
+    scene(vec![
+        sheet("/sheet", &[0.0], Interpolation::Vertex),
+        ball("/ball", 1.1, &[DVec3::new(-1.5, 0.2, 0.0)]),
+        ball("/other", 0.7, &[DVec3::new(1.2, -0.5, 1.0)]),
+    ])
+}
+
+/// Everything moves, out of focus, and a matte ball is in front.
+fn everything() -> Scene {
+    let mut matte = ball("/matte", 0.6, &[DVec3::new(0.5, 1.0, 1.5)]);
+    matte.common.matte = true;
+    let mut painted = ball(
+        "/painted",
+        0.8,
+        &[DVec3::X * 1.5, DVec3::new(1.8, 0.4, 0.2)],
+    );
+    let color = changing();
+    painted
+        .common
+        .primvars
+        .insert("displayColor".to_owned(), color);
+    let mut scene = scene(vec![
+        sheet("/sheet", &[0.0, 0.5, 0.7], Interpolation::FaceVarying),
+        painted,
+        matte,
+    ]);
+    shoot(&mut scene, |camera| {
+        camera.f_stop = 0.9;
+        let turned =
+            DMat4::from_translation(DVec3::new(0.2, 0.3, 6.2)) * DMat4::from_rotation_y(0.2);
+        camera.transform = at(&[DMat4::from_translation(DVec3::Z * 6.0), turned]);
+    });
+    scene
+}
+
+fn instanced(moving: bool) -> Scene {
+    let mut scene = scene(vec![sheet("/sheet", &[0.0], Interpolation::Uniform)]);
+    let mut prototype = ball("/many/ball", 0.5, &[DVec3::ZERO]);
+    prototype.common.instancer = Some((INSTANCER, 0));
+    prototype.common.pick_id = 7;
+    scene.prims.insert(PrimId(20), Arc::new(prototype));
+    let count = 12;
+    let place = |i: usize, by: f32| {
+        let i = i as f32;
+        Vec3::new(
+            (i * 1.7).sin() * 2.5 + by,
+            (i * 2.9).cos() * 1.8,
+            (i * 0.8).sin(),
+        )
+    };
+    let turn = |i: usize| Quat::from_rotation_x(i as f32);
+    let size = |i: usize| Vec3::new(1.0, 0.5 + 0.1 * i as f32, 0.8);
+    let places = |by: f32| Arc::new((0..count).map(|i| place(i, by)).collect());
+    let arrays = InstanceArrays {
+        instance_count: count,
+        positions: match moving {
+            false => Samples {
+                times: vec![0.0],
+                values: vec![places(0.0)],
+            },
+            true => Samples {
+                times: vec![0.0, 1.0],
+                values: vec![places(0.0), places(0.6)],
+            },
+        },
+        orientations: Samples {
+            times: vec![0.0],
+            values: vec![Arc::new((0..count).map(turn).collect())],
+        },
+        scales: Samples {
+            times: vec![0.0],
+            values: vec![Arc::new((0..count).map(size).collect())],
+        },
+        ..InstanceArrays::default()
+    };
+    let mut instancer = InstancerDesc::new("/many");
+    instancer.arrays = Arc::new(arrays);
+    let color = still(Interpolation::Varying, count);
+    instancer.primvars.insert("displayColor".to_owned(), color);
+    scene.instancers.insert(INSTANCER, Arc::new(instancer));
+    scene
+}
+
+fn prepared(scene: &Scene) -> Prepared {
+    let cancel = AtomicBool::new(false);
+    let preparation = prepare(scene, &NoSubdivision, None, &cancel).expect("the scene is sound");
+    assert_eq!(preparation.warnings, []);
+    preparation.prepared
+}
+
+/// Renders, with the device's stages where there are some.
+fn rendered(prepared: &Prepared, stages: Option<&GpuFrame>) -> Result<Frame, Failed> {
+    let settings = prepared.settings();
+    let frame = Frame::new(settings.resolution, settings.data_window, prepared.aovs())?;
+    let control = RenderControl {
+        cancel: &AtomicBool::new(false),
+        on_progress: &|fraction| assert!((0.0..=1.0).contains(&fraction)),
+        on_pass: &|_, _| {},
+    };
+    let Some(stages) = stages else {
+        render(prepared, &frame, &control);
+        return Ok(frame);
+    };
+    let elsewhere = Elsewhere::new(stages);
+    render_with(prepared, &frame, &control, Some(&elsewhere));
+    match elsewhere.fault() {
+        Some(why) => Err(why.into()),
+        None => Ok(frame),
+    }
+}
+
+/// Numbers of pixels that differ in an AOV by more than `close`, in parts of the CPU's number or of 1.
+fn different(there: &Frame, here: &Frame, aov: &Aov, close: f32) -> Result<Vec<usize>, Failed> {
+    let (Some(there), Some(here)) = (there.aov(aov), here.aov(aov)) else {
+        return Err(format!("{} is not kept", aov.name()).into());
+    };
+    let n = here.components;
+    let pixels = 0..(here.width * here.height) as usize;
+    let differs = |i: &usize| match (&there.data, &here.data) {
+        (AovData::I32(a), AovData::I32(b)) => a[i * n..][..n] != b[i * n..][..n],
+        (AovData::F32(a), AovData::F32(b)) => {
+            let pairs = a[i * n..][..n].iter().zip(&b[i * n..][..n]);
+            let mut off = pairs.map(|(a, b)| (a - b).abs() / b.abs().max(1.0));
+            // Also where it is NaN.
+            !off.all(|off| off <= close)
+        }
+        _ => true,
+    };
+    Ok(pixels.filter(differs).collect())
+}
+
+/// Held against the CPU's image, with stages before `first` on the CPU.
+fn agrees(stages: &Arc<Stages>, scene: &Scene, first: Stage) -> Result<(), Failed> {
+    let prepared = prepared(scene);
+    let frame = GpuFrame::new(Arc::clone(stages), &prepared)?.starting_at(first);
+    if frame.stages() != (first..=Stage::Film) {
+        return Err(frame.explain().into());
+    }
+    let here = rendered(&prepared, None)?;
+    let there = rendered(&prepared, Some(&frame))?;
+    let [width, height] = prepared.settings().resolution;
+    let few = (f64::from(width * height) * DIFFERENT) as usize;
+    let mut covered = 0;
+    if let Some(AovData::I32(ids)) = here.aov(Aov::PrimId).map(|image| image.data) {
+        covered = ids.iter().filter(|&&id| id >= 0).count();
+    }
+    if covered < (width * height / 3) as usize {
+        return Err(format!("only {covered} pixels see anything").into());
+    }
+    for aov in prepared.aovs() {
+        // Where the CPU has traced, ids and places are its own.
+        let (few, close) = match (first, aov) {
+            (_, Aov::SampleCount) => (0, 0.0),
+            (Stage::Film, Aov::Color) => (0, SUMMED),
+            (Stage::Shade, Aov::Color) => (0, CLOSE),
+            (Stage::Film | Stage::Shade, _) => (0, 0.0),
+            _ => (few, CLOSE),
+        };
+        let bad = different(&there, &here, aov, close)?;
+        if bad.len() > few {
+            let what = format!(
+                "{} of {} pixels of {}",
+                bad.len(),
+                width * height,
+                aov.name()
+            );
+            return Err(format!("{what} differ with {first:?} first, from {:?}", bad[0]).into());
+        }
+    }
+    Ok(())
+}
+
+/// What the device does not shade is left to the CPU, and said.
+fn others_are_shaded_here(stages: &Arc<Stages>) -> Result<(), Failed> {
+    let mut glass = stage();
+    let prim = glass.prims.get_mut(&PrimId(2)).expect("a ball");
+    let half = PrimvarDesc::still(Interpolation::Constant, 1, vec![0.5], vec![]);
+    let primvars = &mut Arc::make_mut(prim).common.primvars;
+    primvars.insert("displayOpacity".to_owned(), half);
+    let mut normals = stage();
+    set(&mut normals, |s| s.aovs.push("normal".to_owned()));
+    let mut rack = stage();
+    shoot(&mut rack, |camera| {
+        let sample = |focal_length: f64| hdtrapeze_core::scene::LensSample {
+            time: focal_length - 2.0,
+            focal_length,
+            ..camera.lens()
+        };
+        camera.lens_samples = vec![sample(2.0), sample(3.0)];
+    });
+    for (scene, first, why) in [
+        (glass, Stage::Generate, "/ball is not opaque"),
+        (normals, Stage::Generate, "the AOV normal"),
+        (rack, Stage::Trace, "lens"),
+    ] {
+        let prepared = prepared(&scene);
+        let frame = GpuFrame::new(Arc::clone(stages), &prepared)?;
+        let told = frame.explain();
+        if frame.stages() != (first..=Stage::Trace) || !told.contains(why) {
+            return Err(told.into());
+        }
+        let here = rendered(&prepared, None)?;
+        let there = rendered(&prepared, Some(&frame))?;
+        let bad = different(&there, &here, &Aov::Color, CLOSE)?;
+        if bad.len() > 30 {
+            return Err(format!("{} pixels differ: {told}", bad.len()).into());
+        }
+    }
+    Ok(())
+}
+
+fn scenes() -> Vec<(String, Scene)> {
+    let mut all = vec![
+        ("still".to_owned(), stage()),
+        ("everything".to_owned(), everything()),
+        ("instances".to_owned(), instanced(false)),
+        ("moving_instances".to_owned(), instanced(true)),
+    ];
+    for color in [
+        Interpolation::Constant,
+        Interpolation::Uniform,
+        Interpolation::FaceVarying,
+    ] {
+        let sheet = sheet("/sheet", &[0.0], color);
+        all.push((format!("{color:?}").to_lowercase(), scene(vec![sheet])));
+    }
+    let moving = sheet("/sheet", &[0.0, 0.8], Interpolation::Vertex);
+    all.push(("moving_mesh".to_owned(), scene(vec![moving])));
+    let mut matte = stage();
+    let prim = matte.prims.get_mut(&PrimId(2)).expect("a ball");
+    Arc::make_mut(prim).common.matte = true;
+    all.push(("matte".to_owned(), matte));
+    let mut camera = stage();
+    shoot(&mut camera, |camera| {
+        let to = DMat4::from_translation(DVec3::new(0.9, 0.1, 5.5)) * DMat4::from_rotation_z(0.3);
+        camera.transform = at(&[DMat4::from_translation(DVec3::Z * 6.0), to]);
+    });
+    all.push(("moving_camera".to_owned(), camera));
+    let mut lens = stage();
+    shoot(&mut lens, |camera| camera.f_stop = 0.5);
+    all.push(("defocus".to_owned(), lens));
+    for filter in [
+        FilterKind::Box,
+        FilterKind::Gaussian,
+        FilterKind::Mitchell,
+        FilterKind::BlackmanHarris,
+    ] {
+        let mut scene = stage();
+        set(&mut scene, |s| {
+            (s.filter, s.filter_width) = (filter, 3.0);
+            s.samples = 16;
+        });
+        all.push((format!("{filter:?}").to_lowercase(), scene));
+    }
+    let mut window = stage();
+    set(&mut window, |s| s.data_window = Some([-5, 3, 60, 50]));
+    all.push(("data_window".to_owned(), window));
+    all
+}
+
+fn main() {
+    let mut trials: Vec<(String, Check)> = Vec::new();
+    let on = |device: &Arc<Device>| Arc::new(Stages::new(device));
+    for (name, scene) in scenes() {
+        let run = move |device: &Arc<Device>| agrees(&on(device), &scene, Stage::Generate);
+        trials.push((format!("scene_{name}"), Box::new(run)));
+    }
+    for (name, scene) in [("still", stage()), ("everything", everything())] {
+        for first in [Stage::Trace, Stage::Shade, Stage::Film] {
+            let scene = scene.clone();
+            let run = move |device: &Arc<Device>| agrees(&on(device), &scene, first);
+            trials.push((
+                format!("{name}_from_{first:?}").to_lowercase(),
+                Box::new(run),
+            ));
+        }
+    }
+    let others = move |device: &Arc<Device>| others_are_shaded_here(&on(device));
+    trials.push(("what_the_cpu_shades".to_owned(), Box::new(others)));
+    device::run(trials);
+}

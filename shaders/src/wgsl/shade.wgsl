@@ -1,0 +1,223 @@
+// Stage `shade`: what the first hit of each ray gives, where everything is opaque; the twin of core's render/integrate.rs,
+// trace/shading.rs and shade.
+//
+// A surface is lit by the light that rides on the camera: its colour times how much its normal looks along the axis of
+// view, from either side. A matte one takes its ray away and gives nothing, as if nothing were hit.
+
+// The permutation fixes COLOR (colours are asked for, else only what is covered), TIME (something moves) and MOVES (the
+// camera does).
+
+@group(0) @binding(0) var<storage, read> planes: array<f32>;
+@group(0) @binding(1) var<storage, read> words: array<u32>;
+@group(0) @binding(2) var<storage, read> objects: array<Object>;
+@group(0) @binding(3) var<storage, read> instances: array<Instance>;
+@group(0) @binding(4) var<storage, read> matrices: array<vec4<f32>>;
+@group(1) @binding(0) var<storage, read> looks: array<Look>;
+@group(1) @binding(1) var<storage, read> paints: array<u32>;
+@group(1) @binding(2) var<uniform> camera: Camera;
+@group(1) @binding(3) var<storage, read> tables: array<u32>;
+@group(2) @binding(0) var<storage, read> rays: array<Ray>;
+@group(2) @binding(1) var<storage, read> hits: array<Hit>;
+@group(2) @binding(2) var<uniform> launch: ShadeLaunch;
+@group(2) @binding(3) var<storage, read_write> samples: array<Sample>;
+
+const WORKGROUP: u32 = 64u;
+// Instance of a miss.
+const NONE: u32 = 0xffffffffu;
+// Where the value of a colour is: one for all, one a face, one a vertex.
+const CONSTANT: u32 = 0u;
+const FACES: u32 = 1u;
+
+// A hit cell: its grid, and its corners (i,j) (i+1,j) (i+1,j+1) (i,j+1) among the grid's vertices.
+struct Cell {
+    element: u32,
+    first_vertex: u32,
+    // Vertices of the grid.
+    count: u32,
+    corners: vec4<u32>,
+    // One of them is 0.
+    weights: vec4<f32>,
+}
+
+fn cell_of(object: Object, hit: Hit) -> Cell {
+    let header = object.grids + 3u * (hit.grid - object.first_grid);
+    let rates = words[header + 2u];
+    let nu = rates & 0xffffu;
+    let a = hit.cell / nu * (nu + 1u) + hit.cell % nu;
+    var out: Cell;
+    out.first_vertex = words[header];
+    out.element = words[header + 1u];
+    out.count = (nu + 1u) * ((rates >> 16u) + 1u);
+    out.corners = vec4<u32>(a, a + 1u, a + nu + 2u, a + nu + 1u);
+    if hit.u >= hit.v {
+        out.weights = vec4<f32>(1.0 - hit.u, hit.u - hit.v, hit.v, 0.0);
+    } else {
+        out.weights = vec4<f32>(1.0 - hit.v, 0.0, hit.u, hit.v - hit.u);
+    }
+    return out;
+}
+
+fn key_at(times: u32, count: u32, time: f32) -> KeyPlace {
+    if TIME && count > 1u {
+        return locate(times, count, time);
+    }
+    return KeyPlace(0u, 0.0);
+}
+
+// A unit vector from 16 bits a coordinate: core's octahedral.
+fn decoded(bits: u32) -> vec3<f32> {
+    let x = (f32(bits & 0xffffu) - 32767.0) / 32767.0;
+    let y = (f32(bits >> 16u) - 32767.0) / 32767.0;
+    let z = 1.0 - abs(x) - abs(y);
+    let fold = max(-z, 0.0);
+    return normalize(vec3<f32>(x - select(fold, -fold, x < 0.0), y - select(fold, -fold, y < 0.0), z));
+}
+
+fn unit_or_zero(v: vec3<f32>) -> vec3<f32> {
+    // Scaled first: squares of small numbers must not vanish.
+    let largest = max(abs(v.x), max(abs(v.y), abs(v.z)));
+    if !(largest > 0.0) {
+        return vec3<f32>(0.0);
+    }
+    return normalize(v / largest);
+}
+
+fn vertex_at(object: Object, cell: Cell, corner: u32, place: KeyPlace) -> vec3<f32> {
+    let first = object.planes + 3u * (cell.first_vertex * object.key_count + place.key * cell.count) + corner;
+    let p = vec3<f32>(planes[first], planes[first + cell.count], planes[first + 2u * cell.count]);
+    if !TIME || object.key_count < 2u {
+        return p;
+    }
+    let next = first + 3u * cell.count;
+    let q = vec3<f32>(planes[next], planes[next + cell.count], planes[next + 2u * cell.count]);
+    return p + (q - p) * place.fraction;
+}
+
+// In the object's space, of unit length, or 0 for a triangle without area.
+fn facet_normal(object: Object, cell: Cell, hit: Hit, time: f32) -> vec3<f32> {
+    let place = key_at(object.key_times, object.key_count, time);
+    let a = vertex_at(object, cell, cell.corners.x, place);
+    let middle = vertex_at(object, cell, cell.corners.z, place) - a;
+    if hit.u >= hit.v {
+        return unit_or_zero(cross(unit_or_zero(vertex_at(object, cell, cell.corners.y, place) - a), unit_or_zero(middle)));
+    }
+    return unit_or_zero(cross(unit_or_zero(middle), unit_or_zero(vertex_at(object, cell, cell.corners.w, place) - a)));
+}
+
+// Interpolated between keys and over the cell, in the object's space; any length.
+fn smooth_normal(object: Object, look: Look, cell: Cell, time: f32) -> vec3<f32> {
+    var place = KeyPlace(0u, 0.0);
+    if look.normal_keys == object.key_count {
+        place = key_at(object.key_times, object.key_count, time);
+    }
+    let at = look.normals + cell.first_vertex * look.normal_keys + place.key * cell.count;
+    var sum = vec3<f32>(0.0);
+    for (var i = 0u; i < 4u; i += 1u) {
+        if cell.weights[i] != 0.0 {
+            var n = decoded(paints[at + cell.corners[i]]);
+            if TIME && place.fraction != 0.0 {
+                n = mix(n, decoded(paints[at + cell.count + cell.corners[i]]), place.fraction);
+            }
+            sum += n * cell.weights[i];
+        }
+    }
+    return sum;
+}
+
+// A normal, from the object's space to the world's; any length.
+fn carried_normal(instance: Instance, n: vec3<f32>, time: f32) -> vec3<f32> {
+    let at = instance.matrices;
+    if instance.key_count == 0u {
+        return n;
+    }
+    if !TIME || instance.key_count == 1u {
+        // Columns of the inverse.
+        return vec3<f32>(dot(matrices[at].xyz, n), dot(matrices[at + 1u].xyz, n), dot(matrices[at + 2u].xyz, n));
+    }
+    let place = locate(instance.key_times, instance.key_count, time);
+    let a = at + 3u * place.key;
+    let x = mix(matrices[a].xyz, matrices[a + 3u].xyz, place.fraction);
+    let y = mix(matrices[a + 1u].xyz, matrices[a + 4u].xyz, place.fraction);
+    let z = mix(matrices[a + 2u].xyz, matrices[a + 5u].xyz, place.fraction);
+    return cross(y, z) * n.x + cross(z, x) * n.y + cross(x, y) * n.z;
+}
+
+// How much of a unit normal is along the axis of view.
+fn facing(n: vec3<f32>, time: f32) -> f32 {
+    let pose = pose_at(time);
+    return abs(unit_or_zero(vec3<f32>(dot(pose.x, n), dot(pose.y, n), dot(pose.z, n))).z);
+}
+
+// A colour's value at a key.
+fn paint_at(look: Look, cell: Cell, key: u32) -> vec3<f32> {
+    var out = vec3<f32>(0.0);
+    let first = look.paint + key * look.lanes;
+    for (var c = 0u; c < min(look.lanes, 3u); c += 1u) {
+        if look.kind == CONSTANT {
+            out[c] = bitcast<f32>(paints[first + c]);
+        } else if look.kind == FACES {
+            if cell.element < look.items {
+                out[c] = bitcast<f32>(paints[first + cell.element * look.stride + c]);
+            }
+        } else {
+            for (var i = 0u; i < 4u; i += 1u) {
+                if cell.weights[i] != 0.0 {
+                    let vertex = cell.first_vertex + cell.corners[i];
+                    out[c] += cell.weights[i] * bitcast<f32>(paints[first + vertex * look.stride + c]);
+                }
+            }
+        }
+    }
+    return out;
+}
+
+fn albedo(look: Look, cell: Cell, time: f32) -> vec3<f32> {
+    if !TIME || look.paint_keys < 2u {
+        return paint_at(look, cell, 0u);
+    }
+    var key = 0u;
+    while key + 2u < look.paint_keys && bitcast<f32>(paints[look.paint_times + key + 1u]) <= time {
+        key += 1u;
+    }
+    let a = bitcast<f32>(paints[look.paint_times + key]);
+    let b = bitcast<f32>(paints[look.paint_times + key + 1u]);
+    let fraction = clamp((time - a) / (b - a), 0.0, 1.0);
+    let at = paint_at(look, cell, key);
+    return at + (paint_at(look, cell, key + 1u) - at) * fraction;
+}
+
+// Colour and alpha of the first hit.
+fn surface(ray: Ray, hit: Hit) -> vec4<f32> {
+    if hit.instance == NONE {
+        return vec4<f32>(0.0);
+    }
+    let look = looks[hit.instance];
+    if look.matte != 0u {
+        return vec4<f32>(0.0);
+    }
+    if !COLOR {
+        return vec4<f32>(0.0, 0.0, 0.0, 1.0);
+    }
+    let instance = instances[hit.instance];
+    let object = objects[instance.object];
+    let cell = cell_of(object, hit);
+    var n = vec3<f32>(0.0);
+    if look.normal_keys != 0u {
+        n = unit_or_zero(carried_normal(instance, smooth_normal(object, look, cell, ray.time), ray.time));
+    }
+    if all(n == vec3<f32>(0.0)) {
+        n = unit_or_zero(carried_normal(instance, facet_normal(object, cell, hit, ray.time), ray.time));
+    }
+    let light = launch.light * facing(n, ray.time);
+    return vec4<f32>(albedo(look, cell, ray.time) * light, 1.0);
+}
+
+@compute @workgroup_size(64)
+fn shade(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let index = group.y * launch.row + group.x * WORKGROUP + lane;
+    if group.x * WORKGROUP + lane >= launch.row || index >= launch.ray_count {
+        return;
+    }
+    let ray = rays[index];
+    samples[ray.number] = Sample(surface(ray, hits[ray.number]), ray.weight, ray.distance2, ray.time);
+}
