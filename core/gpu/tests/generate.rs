@@ -33,7 +33,7 @@ const TIME: f32 = 4.0 * U;
 /// Offsets from the pixel's centre, in parts of the filter's width.
 const OFFSET: f32 = 4.0 * U;
 /// Directions and origins, in parts of the largest number that they are made of.
-const RAY: f32 = 24.0 * U;
+const RAY: f32 = 16.0 * U;
 
 const PIXELS: [[i32; 2]; 12] = [
     [0, 0],
