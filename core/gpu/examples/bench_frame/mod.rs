@@ -6,12 +6,13 @@ mod support;
 use std::error::Error;
 use std::f32::consts::TAU;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use glam::{DMat4, DVec3, Vec3};
+use hdtrapeze_core::aov::{Aov, AovData};
 use hdtrapeze_core::render::{
-    Elsewhere, Frame, RayTracer, RenderControl, Stage, prepare, render_with,
+    Elsewhere, Frame, Prepared, RayTracer, RenderControl, Stage, prepare, render_with,
 };
 use hdtrapeze_core::scene::{
     CameraDesc, Geometry, ImplicitDesc, ImplicitKind, Interpolation, MeshDesc, PointsSamples,
@@ -93,6 +94,7 @@ fn ball(i: u64) -> PrimDesc {
         ..ImplicitDesc::default()
     });
     let mut common = PrimCommon::new(format!("/ball{i}"));
+    common.pick_id = i as i32 + 1;
     let i = i as f64;
     let from = DVec3::new(
         (i * 1.7).sin() * 4.0,
@@ -128,13 +130,52 @@ fn scene(samples: u32) -> Scene {
         resolution: SIZE,
         samples,
         occlusion_culling: false,
+        aovs: ["color", "primId", "elementId"].map(str::to_owned).to_vec(),
         ..RenderSettings::default()
     });
     scene
 }
 
-/// Renders the frame with so many samples a pixel, and prints what that took.
-pub fn run(device: &Arc<Device>, samples: u32) -> Result<(), Box<dyn Error>> {
+/// The first sample of each pixel, on the device where it is given.
+fn first_pass(prepared: &Prepared, on: Option<&GpuFrame>) -> Result<Frame, Box<dyn Error>> {
+    let frame = Frame::new(SIZE, None, prepared.aovs())?;
+    let cancel = AtomicBool::new(false);
+    let control = RenderControl {
+        cancel: &cancel,
+        on_progress: &|_| {},
+        on_pass: &|_, _| cancel.store(true, Ordering::Relaxed),
+    };
+    let elsewhere = on.map(|on| Elsewhere::new(on));
+    render_with(prepared, &frame, &control, elsewhere.as_ref());
+    match elsewhere.and_then(|elsewhere| elsewhere.fault()) {
+        Some(why) => Err(why.into()),
+        None => Ok(frame),
+    }
+}
+
+/// Share of pixels whose first samples see another face than on the CPU.
+fn difference(prepared: &Prepared, on: &GpuFrame) -> Result<f64, Box<dyn Error>> {
+    let faces = |on| -> Result<Vec<i32>, Box<dyn Error>> {
+        let frame = first_pass(prepared, on)?;
+        let ids = |aov| match frame.aov(aov).map(|image| image.data) {
+            Some(AovData::I32(ids)) => ids,
+            _ => Vec::new(),
+        };
+        let (prims, faces) = (ids(Aov::PrimId), ids(Aov::ElementId));
+        Ok(prims
+            .iter()
+            .zip(faces)
+            .map(|(p, face)| p * 10_000 + face)
+            .collect())
+    };
+    let (here, there) = (faces(None)?, faces(Some(on))?);
+    let differ = here.iter().zip(&there).filter(|(a, b)| a != b).count();
+    Ok(differ as f64 / here.len() as f64)
+}
+
+/// Renders the frame with so many samples a pixel, and prints what that took; first samples may differ from the CPU's in so
+/// many parts of the image.
+pub fn run(device: &Arc<Device>, samples: u32, different: f64) -> Result<(), Box<dyn Error>> {
     let never = AtomicBool::new(false);
     let start = Instant::now();
     let prepared = prepare(&scene(samples), &NoSubdivision, None, &never)?.prepared;
@@ -146,7 +187,7 @@ pub fn run(device: &Arc<Device>, samples: u32) -> Result<(), Box<dyn Error>> {
     );
     let start = Instant::now();
     let stages = Arc::new(Stages::new(device));
-    let on_gpu = GpuFrame::new(stages, &prepared)?.timed();
+    let on_gpu = GpuFrame::new(stages, &prepared)?;
     let mib = on_gpu.bytes() as f64 / f64::from(1 << 20);
     println!(
         "uploaded in {:.2} s: {mib:.0} MiB",
@@ -155,6 +196,12 @@ pub fn run(device: &Arc<Device>, samples: u32) -> Result<(), Box<dyn Error>> {
     if on_gpu.stages() != (Stage::Generate..=Stage::Film) {
         return Err(on_gpu.explain().into());
     }
+    let differ = difference(&prepared, &on_gpu)?;
+    println!("first samples that differ from the CPU's: {differ:.6}");
+    if differ > different {
+        return Err(format!("{differ} of the pixels differ").into());
+    }
+    let on_gpu = on_gpu.timed();
     let frame = Frame::new(SIZE, None, prepared.aovs())?;
     let control = RenderControl {
         cancel: &never,
