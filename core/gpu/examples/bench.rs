@@ -7,8 +7,9 @@
 //! ```
 //!
 //! Scenes of about so many million micropolygons (1): a rippling sheet, tumbling patches, fur; each still, and moving and
-//! defocused. Rays of an image of `PIXELS` squared (1024) with 4 samples each. Hits are compared with the CPU's before a
-//! time is printed. The device's time is by its own timestamps, of the fastest of `TIMES` (5) launches.
+//! defocused; traced through trees of the CPU, and of the device. Rays of an image of `PIXELS` squared (1024) with 4 samples
+//! each. Hits are compared with the CPU's before a time is printed. The device's time is by its own timestamps, of the fastest
+//! of `TIMES` (5) launches, and for each stage that makes trees, of the second time it does.
 //!
 //! `--frame`: an image of 1280 x 720 with so many samples a pixel, of about a million micropolygons, moving and defocused. Rays are
 //! drawn, traced, shaded and filmed there, in batches that fit; only pixels come back. Each stage is timed on its own. A first
@@ -26,7 +27,7 @@ use std::time::Instant;
 use glam::Vec3;
 use hdtrapeze_core::grid::DicedMesh;
 use hdtrapeze_core::trace::{Hit, Ray, TraceCounts, World};
-use hdtrapeze_gpu::{Device, GpuScene, Tracer};
+use hdtrapeze_gpu::{BuildOptions, Device, FirstOnDevice, GpuScene, Tracer, TreeBuilder};
 use rayon::prelude::*;
 use trace_scenes::lens::Lens;
 use trace_scenes::{fur, keys, patches, sheet, world_of};
@@ -110,68 +111,124 @@ fn run() -> Result<(), Box<dyn Error>> {
         return bench_frame::run(&device, samples, DIFFERENT);
     }
     println!(
-        "{:<8} {:<7} {:>8} {:>8} {:>9} {:>9} {:>8} {:>8} {:>9} {:>9}",
+        "{:<8} {:<7} {:<6} {:>8} {:>8} {:>9} {:>9} {:>8} {:>8} {:>9} {:>9}",
         "scene",
         "motion",
+        "trees",
         "Mcells",
         "MiB",
-        "upload s",
+        "layout s",
         "Mrays/s",
         "nodes",
         "cells",
         "differ",
         "CPU"
     );
-    let tracer = Tracer::new(Arc::clone(&device));
+    let bench = Bench {
+        tracer: Tracer::new(Arc::clone(&device)),
+        builder: TreeBuilder::new(device),
+        options,
+    };
     for name in ["sheet", "patches", "fur"] {
         for (motion, key_count, radius) in [("still", 1, 0.0), ("blurred", 2, 0.02)] {
-            let mesh = scene(name, options.millions * 1e6, key_count);
+            let mesh = scene(name, bench.options.millions * 1e6, key_count);
             let cells = mesh.cell_count();
-            let world = world_of(mesh);
-            let rays = view(name, radius).rays(options.image);
             let start = Instant::now();
-            let scene = GpuScene::new(&device, &world)?;
-            let upload = start.elapsed().as_secs_f64();
-            let counted = tracer.batch(&scene, &rays, false, true)?;
-            tracer.run(&counted)?;
-            let counts = tracer.counts(&counted)?.unwrap_or_default();
-            drop(counted);
-            let batch = tracer.batch(&scene, &rays, false, false)?;
-            let mut best = f64::INFINITY;
-            for _ in 0..options.repeat {
-                let start = Instant::now();
-                let timed = tracer.run(&batch)?;
-                best = best.min(timed.unwrap_or_else(|| start.elapsed().as_secs_f64()));
-            }
-            let mut hits = vec![Hit::MISS; rays.len()];
-            tracer.read(&batch, &mut hits)?;
+            let world = world_of(mesh);
+            let built = start.elapsed().as_secs_f64();
+            let rays = view(name, radius).rays(bench.options.image);
             // Without the CPU's time, a sample is compared all the same.
-            let some = if options.cpu {
-                rays.len()
-            } else {
-                rays.len().min(65536)
+            let some = match bench.options.cpu {
+                true => rays.len(),
+                false => rays.len().min(65536),
             };
-            let (expected, seconds) = on_cpu(&world, &rays[..some]);
-            let differ = differences(&hits, &expected) as f64 / some as f64;
-            if differ > DIFFERENT {
-                return Err(format!("{name}, {motion}: {differ} of the hits differ").into());
+            let expected = on_cpu(&world, &rays[..some]);
+            for (trees, first) in [
+                ("CPU", FirstOnDevice::Trace),
+                ("device", FirstOnDevice::Bound),
+            ] {
+                print!(
+                    "{name:<8} {motion:<7} {trees:<6} {:>8.2}",
+                    cells as f64 * 1e-6
+                );
+                bench.trace(&world, first, &rays, &expected)?;
             }
-            let per_ray = |count: u64| count as f64 / rays.len() as f64;
-            println!(
-                "{name:<8} {motion:<7} {:>8.2} {:>8.0} {upload:>9.2} {:>9.1} {:>8.1} {:>8.1} {differ:>9.6} {:>9}",
-                cells as f64 * 1e-6,
-                scene.bytes() as f64 / f64::from(1 << 20),
-                rays.len() as f64 / best * 1e-6,
-                per_ray(counts.node_tests),
-                per_ray(counts.cell_tests),
-                match options.cpu {
-                    true => format!("{:.1}", some as f64 / seconds * 1e-6),
-                    false => "-".to_owned(),
-                },
-            );
+            println!("  build: {built:.2} s on the CPU; {}", bench.build(&world)?);
         }
     }
     Ok(())
+}
+
+struct Bench {
+    tracer: Tracer,
+    builder: TreeBuilder,
+    options: Options,
+}
+
+impl Bench {
+    fn scene(&self, world: &World, first: FirstOnDevice) -> Result<GpuScene, Box<dyn Error>> {
+        let options = BuildOptions {
+            first,
+            ..BuildOptions::default()
+        };
+        Ok(GpuScene::build(&self.builder, world, &options)?)
+    }
+
+    /// Prints what rays cost through trees of one kind.
+    fn trace(
+        &self,
+        world: &World,
+        first: FirstOnDevice,
+        rays: &[Ray],
+        (expected, seconds): &(Vec<Hit>, f64),
+    ) -> Result<(), Box<dyn Error>> {
+        let tracer = &self.tracer;
+        let start = Instant::now();
+        let scene = self.scene(world, first)?;
+        let layout = start.elapsed().as_secs_f64();
+        let counted = tracer.batch(&scene, rays, false, true)?;
+        tracer.run(&counted)?;
+        let counts = tracer.counts(&counted)?.unwrap_or_default();
+        drop(counted);
+        let batch = tracer.batch(&scene, rays, false, false)?;
+        let mut best = f64::INFINITY;
+        for _ in 0..self.options.repeat {
+            let start = Instant::now();
+            let timed = tracer.run(&batch)?;
+            best = best.min(timed.unwrap_or_else(|| start.elapsed().as_secs_f64()));
+        }
+        let mut hits = vec![Hit::MISS; rays.len()];
+        tracer.read(&batch, &mut hits)?;
+        let some = expected.len();
+        let differ = differences(&hits, expected) as f64 / some as f64;
+        if differ > DIFFERENT {
+            return Err(format!("{differ} of the hits differ").into());
+        }
+        let per_ray = |count: u64| count as f64 / rays.len() as f64;
+        println!(
+            " {:>8.0} {layout:>9.2} {:>9.1} {:>8.1} {:>8.1} {differ:>9.6} {:>9}",
+            scene.bytes() as f64 / f64::from(1 << 20),
+            rays.len() as f64 / best * 1e-6,
+            per_ray(counts.node_tests),
+            per_ray(counts.cell_tests),
+            match self.options.cpu {
+                true => format!("{:.1}", some as f64 / seconds * 1e-6),
+                false => "-".to_owned(),
+            },
+        );
+        Ok(())
+    }
+
+    /// Milliseconds of each stage that makes trees on the device.
+    fn build(&self, world: &World) -> Result<String, Box<dyn Error>> {
+        let seconds = self.scene(world, FirstOnDevice::Bound)?.build_seconds();
+        let stage = |(stage, seconds): (_, f64)| format!("{stage:?} {:.2} ms", seconds * 1e3);
+        let stages: Vec<String> = seconds.into_iter().map(stage).collect();
+        Ok(match stages.is_empty() {
+            true => "no clock on the device".to_owned(),
+            false => stages.join(", "),
+        })
+    }
 }
 
 fn main() -> ExitCode {

@@ -204,7 +204,7 @@ impl Device {
     /// # Errors
     /// It is larger than the device takes, or there is no memory.
     pub fn upload(&self, what: &'static str, bytes: &[u8]) -> Result<wgpu::Buffer, GpuError> {
-        let usage = Usage::STORAGE | Usage::COPY_DST;
+        let usage = Usage::STORAGE | Usage::COPY_DST | Usage::COPY_SRC;
         // A binding may not be empty.
         let buffer = self.buffer(what, (bytes.len() as u64).max(64), usage)?;
         self.queue.write_buffer(&buffer, 0, bytes);

@@ -4,11 +4,13 @@
 //! from `hdtrapeze_shaders`; core knows nothing of devices. Nothing here panics where there is no device, where one is too
 //! small, or where it is lost: every fault is a [`GpuError`], and callers go on with the CPU.
 //!
-//! [`device`] finds and opens devices, [`kernel`] compiles stages, [`scene`] lays a world out for them. Stages: [`generate`] draws
-//! camera rays, [`trace`] traces rays, [`shade`] tells what their hits give, [`film`] sums that up by pixel; [`frame`] runs them
+//! [`device`] finds and opens devices, [`kernel`] compiles stages, [`scene`] lays a world out for them, [`build`] makes
+//! trees there. Stages: [`generate`] draws camera rays, [`trace`] traces rays, [`shade`] tells what their hits give, [`film`] sums that up by pixel; [`frame`] runs them
 //! for core's passes.
 #![forbid(unsafe_code)]
 
+pub mod build;
+pub mod contents;
 pub mod device;
 pub mod error;
 pub mod film;
@@ -22,6 +24,7 @@ mod stack;
 pub mod tiles;
 pub mod trace;
 
+pub use build::{BuildOptions, FirstOnDevice, TreeBuilder};
 pub use device::{Device, Found};
 pub use error::GpuError;
 pub use frame::{GpuFrame, Stages};

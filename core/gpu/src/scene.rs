@@ -1,8 +1,8 @@
 //! A world as a device sees it: a few flat buffers, laid out as `slabs.wgsl` and `layout.wgsl` say.
 //!
-//! Trees are those of the CPU, byte for byte but for references: a child's number becomes its place in the buffer
-//! of all nodes, a frame's number its place among the words. Objects that follow a carried space, or have trees for halves of
-//! the shutter, get a tree of the plain kind.
+//! Trees are made on the device ([`crate::build`]), or are those of the CPU, byte for byte but for references: a child's
+//! number becomes its place in the buffer of all nodes, a frame's number its place among the words. Objects that follow a
+//! carried space, or have trees for halves of the shutter, get a tree of the plain kind.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -12,21 +12,23 @@ use hdtrapeze_core::bvh::block::Block;
 use hdtrapeze_core::bvh::node::Lattice8;
 use hdtrapeze_core::bvh::object::{Blas, BlockTree, LOOSE};
 use hdtrapeze_core::bvh::{Bounds8, Frame, Node, ObjectGeometry, Tree, U};
+use hdtrapeze_core::grid::PlanarMesh;
 use hdtrapeze_core::trace::World;
 use hdtrapeze_core::trace::parts::{Parts, Placement, Top};
 use hdtrapeze_core::trace::piece::Pick;
 use hdtrapeze_shaders::layout::{GridHeader, Instance, Object};
-use hdtrapeze_shaders::stage::{STACKS, TracePermutation};
+use hdtrapeze_shaders::stage::{BuildStage, STACKS, TracePermutation};
 
+use super::build::{Maker, Trees};
 use super::{Device, GpuError, pages, stack};
 
 /// Units of 16 bytes.
-type Unit = [u32; 4];
+pub(crate) type Unit = [u32; 4];
 
 const LEAF: u32 = Tree::<()>::LEAF;
 const EMPTY: u32 = Tree::<()>::EMPTY;
 /// Set in a reference to a node whose bounds move.
-const MOVES: u32 = 1 << 30;
+pub(crate) const MOVES: u32 = 1 << 30;
 
 /// Largest condition of a transform that is traced in f32: beyond, rays in the object's space say too little.
 const LARGEST_CONDITION: f32 = 64.0;
@@ -52,14 +54,22 @@ pub(crate) struct Page {
     pub root: u32,
     pub radius: f32,
     pub pad: f32,
+    /// Of the trees that the device made: what it needs to refit them, where that was asked for, and the seconds it took.
+    pub made: Made,
 }
 
-#[derive(Default)]
-struct Arrays {
-    nodes: Vec<Unit>,
-    planes: Vec<f32>,
-    words: Vec<u32>,
-    objects: Vec<Object>,
+/// What is left of making trees on a device.
+#[derive(Debug, Default)]
+pub(crate) struct Made {
+    pub trees: Vec<Trees>,
+    pub seconds: Vec<(BuildStage, f64)>,
+}
+
+pub(crate) struct Arrays {
+    pub nodes: Vec<Unit>,
+    pub planes: Vec<f32>,
+    pub words: Vec<u32>,
+    pub objects: Vec<Object>,
     instances: Vec<Instance>,
     matrices: Vec<[f32; 4]>,
     /// Where the key times that were added last are among the words, the last of all where nothing came after.
@@ -85,33 +95,27 @@ impl GpuScene {
     /// # Errors
     /// As [`GpuScene::new`].
     pub fn with_pages(device: &Device, world: &World, most: u64) -> Result<Self, GpuError> {
-        let condition = world.condition();
-        if condition > LARGEST_CONDITION {
-            let what = format!("instances that are flattened as far as {condition}");
-            return Err(GpuError::Unsupported(what));
-        }
+        Self::made(&Maker::Host(device), world, most)
+    }
+
+    pub(crate) fn made(maker: &Maker<'_>, world: &World, most: u64) -> Result<Self, GpuError> {
+        traceable(world)?;
         let parts = world.parts();
-        if parts.sets().any(|set| set.made().is_none()) {
-            let what = "what is diced when rays first come near it".to_owned();
-            return Err(GpuError::Unsupported(what));
-        }
-        let mut most = most.min(device.largest());
+        let mut most = most.min(maker.device().largest());
         for _ in 1..TRIES {
-            match Self::planned(device, &parts, most) {
+            match Self::planned(maker, &parts, most) {
                 Err(GpuError::TooLarge { .. }) => most /= 2,
                 made => return made,
             }
         }
-        Self::planned(device, &parts, most)
+        Self::planned(maker, &parts, most)
     }
 
-    fn planned(device: &Device, parts: &Parts<'_>, most: u64) -> Result<Self, GpuError> {
+    fn planned(maker: &Maker<'_>, parts: &Parts<'_>, most: u64) -> Result<Self, GpuError> {
         let plan = pages::plan(parts, most);
-        let page = |world: &World, numbers: &[(u32, u32)]| Page::new(device, world, numbers, most);
+        let page = |world: &World, numbers: &[(u32, u32)]| maker.page(world, numbers, most);
         let pages = if plan.len() == 1 {
-            let count = parts.world().instance_count() as u32;
-            let numbers: Vec<_> = (0..count).map(|i| (i, 0)).collect();
-            vec![page(parts.world(), &numbers)?]
+            vec![page(parts.world(), &all(parts.world()))?]
         } else {
             // One after the other: what a piece takes here is given back before the next is made.
             let piece = |picks: &Vec<Pick>| {
@@ -120,7 +124,7 @@ impl GpuScene {
             };
             plan.iter().map(piece).collect::<Result<_, _>>()?
         };
-        device.check()?;
+        maker.device().check()?;
         Ok(Self { pages })
     }
 
@@ -136,79 +140,171 @@ impl GpuScene {
     }
 }
 
+/// What a GPU cannot trace is refused.
+pub(crate) fn traceable(world: &World) -> Result<(), GpuError> {
+    let condition = world.condition();
+    if condition > LARGEST_CONDITION {
+        let what = format!("instances that are flattened as far as {condition}");
+        return Err(GpuError::Unsupported(what));
+    }
+    if world.parts().sets().any(|set| set.made().is_none()) {
+        let what = "what is diced when rays first come near it".to_owned();
+        return Err(GpuError::Unsupported(what));
+    }
+    Ok(())
+}
+
+/// The numbers of all instances of a world that is on one page.
+pub(crate) fn all(world: &World) -> Vec<(u32, u32)> {
+    let count = world.instance_count() as u32;
+    (0..count).map(|i| (i, 0)).collect()
+}
+
+/// Where a walk begins, and the entries of the stack that it needs.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Start {
+    pub root: u32,
+    pub need: u32,
+}
+
+impl Start {
+    /// The size of the stack that is compiled for it.
+    pub fn stack(&self) -> Result<u32, GpuError> {
+        let stack = STACKS.into_iter().find(|&stack| stack >= self.need);
+        stack.ok_or_else(|| {
+            GpuError::Unsupported(format!("trees that are {} entries deep", self.need))
+        })
+    }
+}
+
 impl Page {
-    /// Lays out a world or a piece of one. `numbers` are, in the whole, the number of each instance and that of the first
-    /// grid of its object.
-    fn new(
+    /// Lays out a world or a piece of one, with the CPU's trees. `numbers` are, in the whole, the number of each instance and
+    /// that of the first grid of its object.
+    pub(crate) fn new(
         device: &Device,
         world: &World,
         numbers: &[(u32, u32)],
         most: u64,
     ) -> Result<Self, GpuError> {
-        let mut arrays = Arrays {
-            // Place 0 of the words is the identity's frame.
-            words: vec![0],
-            ..Arrays::default()
-        };
+        let mut arrays = Arrays::new();
         let parts = world.parts();
-        let mut known: HashMap<*const ObjectGeometry, (u32, u32)> = HashMap::new();
         let mut deepest = 0;
-        let objects = parts.sets().flat_map(|set| {
-            let object = set.object();
-            (0..set.len()).map(move |_| object)
-        });
-        for ((i, object), &(number, first_grid)) in (0..).zip(objects).zip(numbers) {
-            let (object, need) = match known.get(&Arc::as_ptr(object)) {
-                Some(&known) => known,
-                None => {
-                    let place = arrays.objects.len() as u32;
-                    let made = (place, arrays.object(object, first_grid)?);
-                    known.insert(Arc::as_ptr(object), made);
-                    made
-                }
-            };
-            deepest = deepest.max(need);
-            arrays.instance(number, object, &parts.placement(i));
-        }
-        let (root, top_need) = arrays.top(&parts)?;
-        let need = deepest + top_need;
-        let stack = STACKS.into_iter().find(|&stack| stack >= need);
-        let Some(stack) = stack else {
-            let what = format!("trees that are {need} entries deep");
-            return Err(GpuError::Unsupported(what));
-        };
+        arrays.instances(&parts, numbers, |arrays, object, first_grid| {
+            deepest = deepest.max(arrays.object(object, first_grid)?);
+            Ok(())
+        })?;
+        let Start { root, need } = arrays.top(&parts);
+        let need = deepest + need;
+        let start = Start { root, need };
+        start.stack()?;
         if arrays.nodes.len() >= MOVES as usize || u32::try_from(arrays.planes.len()).is_err() {
             let what = "more than 2^30 units of nodes or 2^32 coordinates".to_owned();
             return Err(GpuError::Unsupported(what));
         }
-        let upload = |what, bytes: &[u8]| match bytes.len() as u64 > most {
-            true => Err(device.too_large(what, bytes.len() as u64, most)),
-            false => device.upload(what, bytes),
-        };
+        let trees = [
+            upload(device, most, "nodes", bytemuck::cast_slice(&arrays.nodes))?,
+            upload(
+                device,
+                most,
+                "vertices",
+                bytemuck::cast_slice(&arrays.planes),
+            )?,
+            upload(device, most, "grids", bytemuck::cast_slice(&arrays.words))?,
+        ];
+        Self::of(device, world, &arrays, trees, start, most)
+    }
+
+    /// Uploads the rest of a world whose nodes, vertices and grids are there.
+    pub(crate) fn of(
+        device: &Device,
+        world: &World,
+        arrays: &Arrays,
+        [nodes, planes, words]: [wgpu::Buffer; 3],
+        start: Start,
+        most: u64,
+    ) -> Result<Self, GpuError> {
+        let objects = bytemuck::cast_slice(&arrays.objects);
+        let instances = bytemuck::cast_slice(&arrays.instances);
+        let matrices = bytemuck::cast_slice(&arrays.matrices);
         let group = [
-            upload("nodes", bytemuck::cast_slice(&arrays.nodes))?,
-            upload("vertices", bytemuck::cast_slice(&arrays.planes))?,
-            upload("grids", bytemuck::cast_slice(&arrays.words))?,
-            upload("objects", bytemuck::cast_slice(&arrays.objects))?,
-            upload("instances", bytemuck::cast_slice(&arrays.instances))?,
-            upload("matrices", bytemuck::cast_slice(&arrays.matrices))?,
+            nodes,
+            planes,
+            words,
+            upload(device, most, "objects", objects)?,
+            upload(device, most, "instances", instances)?,
+            upload(device, most, "matrices", matrices)?,
         ];
         let condition = world.condition();
         Ok(Self {
             group,
             permutation: TracePermutation {
                 time: arrays.time,
-                stack,
+                stack: start.stack()?,
                 counts: false,
             },
-            root,
+            root: start.root,
             radius: world.radius(),
             pad: CARRIED_PAD * condition * condition,
+            made: Made::default(),
         })
     }
 }
 
+/// An array of a page, no larger than `most` bytes.
+pub(crate) fn upload(
+    device: &Device,
+    most: u64,
+    what: &'static str,
+    bytes: &[u8],
+) -> Result<wgpu::Buffer, GpuError> {
+    match bytes.len() as u64 > most {
+        true => Err(device.too_large(what, bytes.len() as u64, most)),
+        false => device.upload(what, bytes),
+    }
+}
+
 impl Arrays {
+    pub fn new() -> Self {
+        Self {
+            nodes: Vec::new(),
+            planes: Vec::new(),
+            // Place 0 is the identity's frame.
+            words: vec![0],
+            objects: Vec::new(),
+            instances: Vec::new(),
+            matrices: Vec::new(),
+            last_times: 0,
+            time: false,
+        }
+    }
+
+    /// Adds all instances, and the object of each, once, by `add`, which is told the number of its first grid.
+    pub fn instances(
+        &mut self,
+        parts: &Parts<'_>,
+        numbers: &[(u32, u32)],
+        mut add: impl FnMut(&mut Self, &ObjectGeometry, u32) -> Result<(), GpuError>,
+    ) -> Result<(), GpuError> {
+        let mut known: HashMap<*const ObjectGeometry, u32> = HashMap::new();
+        let objects = parts.sets().flat_map(|set| {
+            let object = set.object();
+            (0..set.len()).map(move |_| object)
+        });
+        for ((i, object), &(number, first_grid)) in (0..).zip(objects).zip(numbers) {
+            let place = match known.get(&Arc::as_ptr(object)) {
+                Some(&known) => known,
+                None => {
+                    let place = self.objects.len() as u32;
+                    add(self, object, first_grid)?;
+                    known.insert(Arc::as_ptr(object), place);
+                    place
+                }
+            };
+            self.instance(number, place, &parts.placement(i));
+        }
+        Ok(())
+    }
+
     /// Adds an object; gives the entries of the stack that its tree needs.
     fn object(&mut self, object: &ObjectGeometry, first_grid: u32) -> Result<u32, GpuError> {
         let plain;
@@ -227,7 +323,12 @@ impl Arrays {
                 return Err(GpuError::Unsupported(what));
             }
         };
-        let mesh = object.mesh();
+        self.mesh(object.mesh(), first_grid, root, object.radius());
+        Ok(need)
+    }
+
+    /// Adds the grids and vertices of an object.
+    pub fn mesh(&mut self, mesh: &PlanarMesh, first_grid: u32, root: u32, radius: f32) {
         self.time |= mesh.is_moving();
         let grids = self.words.len() as u32;
         for grid in &mesh.grids {
@@ -245,11 +346,10 @@ impl Arrays {
             planes: self.planes.len() as u32,
             key_times,
             key_count: mesh.key_count() as u32,
-            radius: object.radius(),
+            radius,
             first_grid,
         });
         self.planes.extend_from_slice(mesh.planes());
-        Ok(need)
     }
 
     /// Adds key times, which instances of a set share.
@@ -308,15 +408,15 @@ impl Arrays {
         self.instances.push(out);
     }
 
-    /// Adds the tree over instances; gives its root, and the entries of the stack that it needs.
-    fn top(&mut self, parts: &Parts<'_>) -> Result<(u32, u32), GpuError> {
+    /// Adds the tree over instances.
+    pub fn top(&mut self, parts: &Parts<'_>) -> Start {
         match parts.top() {
             Top::Moving(tree) => {
                 self.time = true;
-                Ok((
-                    self.tree(tree, |item| item | LEAF),
-                    stack::need(tree, |_| 0),
-                ))
+                Start {
+                    root: self.tree(tree, |item| item | LEAF),
+                    need: stack::need(tree, |_| 0),
+                }
             }
             Top::Static { tree, movers } => {
                 let moving = self.tree(movers, |item| item | LEAF);
@@ -330,7 +430,10 @@ impl Arrays {
                     Parts::MOVERS => moving_need,
                     _ => 0,
                 };
-                Ok((self.tree(tree, leaf), stack::need(tree, need)))
+                Start {
+                    root: self.tree(tree, leaf),
+                    need: stack::need(tree, need),
+                }
             }
         }
     }

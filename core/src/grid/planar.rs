@@ -252,6 +252,13 @@ impl PlanarMesh {
 }
 
 impl PlanarMesh {
+    /// Which grids can be traced: none of a mesh that was not usable.
+    pub fn sound_grids(&self) -> Vec<bool> {
+        match self.planes.is_empty() {
+            true => vec![false; self.grids.len()],
+            false => sound_grids(&self.grids, self.vertex_count),
+        }
+    }
     /// Some of the grids by themselves, without normals and channels. Those that are not sound are not there either,
     /// but have numbers.
     pub fn grids_of(&self, grids: Range<usize>) -> DicedMesh {

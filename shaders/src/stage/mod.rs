@@ -1,10 +1,12 @@
 //! The text of each stage: what it needs, one after the other, with what its permutation fixes.
 
+mod build;
 mod film;
 mod generate;
 mod shade;
 mod trace;
 
+pub use build::{Binding, BuildStage, EntryPoint, SORT_BITS, SORT_TILE};
 pub use film::film_source;
 pub use generate::{GeneratePermutation, LensKind, TILE_SQUARE, TimeKind};
 pub use shade::{SHADE_WORKGROUP, ShadePermutation};

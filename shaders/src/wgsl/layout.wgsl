@@ -233,3 +233,69 @@ struct Pixel {
     time: f32,
     hit: Hit,
 }
+
+// An object whose tree is made on the device.
+struct BuildObject {
+    // Its first grid, among the grids of all such objects.
+    first_grid: u32,
+    // First word of its grids in `words`, a GridHeader each.
+    grids: u32,
+    // First float of its vertices in `planes`.
+    planes: u32,
+    // First of its key times in `words`.
+    key_times: u32,
+    // Number of keys.
+    key_count: u32,
+}
+
+// What a dispatch of the stages that make trees works on.
+struct BuildLaunch {
+    // Items of all objects.
+    items: u32,
+    // Objects.
+    objects: u32,
+    // Grids of all objects.
+    grids: u32,
+    // Bits of an axis of a Morton number.
+    bits: u32,
+    // Workgroups that items are sorted by.
+    tiles: u32,
+    // Place of the first unit of the bound buffer of nodes, of the first block, and of the first node.
+    base: u32,
+    blocks: u32,
+    nodes: u32,
+    // First word of the blocks' frames.
+    frames: u32,
+    // What this dispatch is about: the first item or node and the one after the last, or the lowest bit of a digit.
+    first: u32,
+    end: u32,
+}
+
+// How far the stages `cluster` and `collapse` are.
+struct BuildState {
+    // Clusters.
+    count: u32,
+    // Nodes of the binary tree.
+    inner: u32,
+    // Both as they were before the last round.
+    count_before: u32,
+    inner_before: u32,
+    // Nodes that the last round made; 0 where all is done, 1 at first.
+    made: u32,
+    // 1: the next round takes all areas as equal.
+    equal: u32,
+    // Level of nodes that is opened next.
+    level: u32,
+    // First node of each level.
+    levels: array<u32, 256>,
+}
+
+// What became of an object.
+struct BuildOutcome {
+    // Reference to the root of its tree.
+    root: u32,
+    // Entries of the stack that a walk through it needs.
+    need: u32,
+    // Largest magnitude of any coordinate or bound.
+    radius: f32,
+}

@@ -1,0 +1,244 @@
+//! The pipelines of the stages that make trees, and runs of their dispatches.
+
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use bytemuck::bytes_of;
+use hdtrapeze_shaders::layout::BuildLaunch;
+use hdtrapeze_shaders::stage::{Binding, BuildStage};
+use wgpu::BufferUsages as Usage;
+
+use crate::kernel::rows;
+use crate::{Device, GpuError};
+
+/// From launch to launch in a buffer: what every device takes as an offset.
+const STRIDE: u64 = 256;
+
+/// Runs that are timed: two timestamps each.
+const TIMED: u32 = 256;
+
+/// A stage, and whether bounds move.
+type Permutation = (BuildStage, bool);
+
+/// Pipelines, compiled once for each permutation.
+#[derive(Debug)]
+pub(crate) struct Kernels {
+    pub device: Arc<Device>,
+    known: Mutex<HashMap<Permutation, Arc<Kernel>>>,
+}
+
+#[derive(Debug)]
+struct Kernel {
+    layout: wgpu::BindGroupLayout,
+    pipelines: HashMap<&'static str, wgpu::ComputePipeline>,
+}
+
+/// A dispatch.
+pub(crate) struct Step {
+    pub entry: &'static str,
+    pub launch: BuildLaunch,
+    pub workgroups: u32,
+    /// Number of the set of buffers.
+    pub set: usize,
+}
+
+/// What is timed in a build, in the device's own time.
+pub(crate) struct Clock {
+    set: Option<wgpu::QuerySet>,
+    stages: Vec<BuildStage>,
+}
+
+impl Kernels {
+    pub fn new(device: Arc<Device>) -> Self {
+        Self {
+            device,
+            known: Mutex::default(),
+        }
+    }
+
+    pub fn clock(&self) -> Clock {
+        let device = &self.device;
+        let set = device.found().timestamps.then(|| {
+            let descriptor = wgpu::QuerySetDescriptor {
+                label: Some("build"),
+                ty: wgpu::QueryType::Timestamp,
+                count: 2 * TIMED,
+            };
+            device.device.create_query_set(&descriptor)
+        });
+        Clock {
+            set,
+            stages: Vec::new(),
+        }
+    }
+
+    /// Submits dispatches of a stage, each with one of these sets of buffers.
+    pub fn run(
+        &self,
+        clock: &mut Clock,
+        (stage, moves): Permutation,
+        steps: &[Step],
+        sets: &[&[&wgpu::Buffer]],
+    ) -> Result<(), GpuError> {
+        let device = &*self.device;
+        let kernel = self.kernel((stage, moves))?;
+        // Dispatches in a row with the same launch share it.
+        let mut bytes: Vec<u8> = Vec::new();
+        let mut offsets = Vec::with_capacity(steps.len());
+        for (i, step) in steps.iter().enumerate() {
+            if i == 0 || steps[i - 1].launch != step.launch {
+                bytes.resize(bytes.len().next_multiple_of(STRIDE as usize), 0);
+                offsets.push(bytes.len() as u32);
+                bytes.extend_from_slice(bytes_of(&step.launch));
+            } else {
+                offsets.push(offsets[i - 1]);
+            }
+        }
+        let usage = Usage::UNIFORM | Usage::COPY_DST;
+        let launches = device.buffer("launches", bytes.len() as u64, usage)?;
+        device.queue.write_buffer(&launches, 0, &bytes);
+        let group = |buffers: &&[&wgpu::Buffer]| {
+            let size = wgpu::BufferSize::new(size_of::<BuildLaunch>() as u64);
+            let launch = wgpu::BindingResource::Buffer(wgpu::BufferBinding {
+                buffer: &launches,
+                offset: 0,
+                size,
+            });
+            let storage = buffers.iter().map(|buffer| buffer.as_entire_binding());
+            let entries: Vec<wgpu::BindGroupEntry<'_>> = (0u32..)
+                .zip(std::iter::once(launch).chain(storage))
+                .map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource })
+                .collect();
+            let descriptor = wgpu::BindGroupDescriptor {
+                label: Some(stage.name()),
+                layout: &kernel.layout,
+                entries: &entries,
+            };
+            device.device.create_bind_group(&descriptor)
+        };
+        let groups: Vec<wgpu::BindGroup> = sets.iter().map(group).collect();
+        let mut encoder = device.device.create_command_encoder(&Default::default());
+        {
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+                label: Some(stage.name()),
+                timestamp_writes: clock.stamp(stage),
+            });
+            for (step, offset) in steps.iter().zip(offsets) {
+                pass.set_pipeline(&kernel.pipelines[step.entry]);
+                pass.set_bind_group(0, &groups[step.set], &[offset]);
+                let [across, rows] = rows(device, step.workgroups);
+                pass.dispatch_workgroups(across, rows, 1);
+            }
+        }
+        device.queue.submit([encoder.finish()]);
+        device.check()
+    }
+
+    /// The seconds of each stage that was timed.
+    pub fn seconds(&self, clock: &Clock) -> Result<Vec<(BuildStage, f64)>, GpuError> {
+        let device = &*self.device;
+        let (Some(set), runs @ 1..) = (&clock.set, clock.stages.len()) else {
+            return Ok(Vec::new());
+        };
+        let mut stamps = vec![[0u64; 2]; runs];
+        let usage = Usage::QUERY_RESOLVE | Usage::COPY_SRC;
+        let times = device.buffer("times", size_of_val(&stamps[..]) as u64, usage)?;
+        let mut encoder = device.device.create_command_encoder(&Default::default());
+        encoder.resolve_query_set(set, 0..2 * runs as u32, &times, 0);
+        device.queue.submit([encoder.finish()]);
+        device.fetch(&times, &mut stamps)?;
+        let period = f64::from(device.queue.get_timestamp_period()) * 1e-9;
+        let spent = |stage| {
+            let runs = clock.stages.iter().zip(&stamps);
+            let runs = runs.filter(|(of, _)| **of == stage);
+            let ticks = runs.map(|(_, [from, to])| to.saturating_sub(*from) as f64);
+            (stage, ticks.sum::<f64>() * period)
+        };
+        Ok(BuildStage::ALL.map(spent).to_vec())
+    }
+
+    fn kernel(&self, permutation: Permutation) -> Result<Arc<Kernel>, GpuError> {
+        let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(kernel) = known.get(&permutation) {
+            return Ok(Arc::clone(kernel));
+        }
+        let kernel = Arc::new(self.compiled(permutation)?);
+        known.insert(permutation, Arc::clone(&kernel));
+        Ok(kernel)
+    }
+
+    fn compiled(&self, (stage, moves): Permutation) -> Result<Kernel, GpuError> {
+        let device = &self.device.device;
+        let entry = |(binding, kind): (u32, &Binding)| wgpu::BindGroupLayoutEntry {
+            binding,
+            visibility: wgpu::ShaderStages::COMPUTE,
+            ty: wgpu::BindingType::Buffer {
+                ty: match kind {
+                    Binding::Launch => wgpu::BufferBindingType::Uniform,
+                    Binding::Read => wgpu::BufferBindingType::Storage { read_only: true },
+                    Binding::Write => wgpu::BufferBindingType::Storage { read_only: false },
+                },
+                has_dynamic_offset: *kind == Binding::Launch,
+                min_binding_size: None,
+            },
+            count: None,
+        };
+        let scope = device.push_error_scope(wgpu::ErrorFilter::Validation);
+        let entries: Vec<_> = (0..).zip(stage.bindings()).map(entry).collect();
+        let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some(stage.name()),
+            entries: &entries,
+        });
+        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some(stage.name()),
+            source: wgpu::ShaderSource::Wgsl(stage.source(moves).into()),
+        });
+        let whole = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: Some(stage.name()),
+            bind_group_layouts: &[Some(&layout)],
+            immediate_size: 0,
+        });
+        let pipelines = stage.entry_points().iter().map(|&(name, _)| {
+            let descriptor = wgpu::ComputePipelineDescriptor {
+                label: Some(name),
+                layout: Some(&whole),
+                module: &module,
+                entry_point: Some(name),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                cache: None,
+            };
+            (name, device.create_compute_pipeline(&descriptor))
+        });
+        let pipelines = pipelines.collect();
+        if let Some(error) = pollster::block_on(scope.pop()) {
+            return Err(GpuError::Failed {
+                name: self.device.found().name.clone(),
+                why: error.to_string(),
+            });
+        }
+        self.device.check()?;
+        Ok(Kernel { layout, pipelines })
+    }
+}
+
+impl Clock {
+    /// Where the next run is timed, as long as there is room.
+    fn stamp(&mut self, stage: BuildStage) -> Option<wgpu::ComputePassTimestampWrites<'_>> {
+        let set = self.set.as_ref()?;
+        let run = self.stages.len() as u32;
+        if run == TIMED {
+            return None;
+        }
+        self.stages.push(stage);
+        Some(wgpu::ComputePassTimestampWrites {
+            query_set: set,
+            beginning_of_pass_write_index: Some(2 * run),
+            end_of_pass_write_index: Some(2 * run + 1),
+        })
+    }
+}
+
+/// Workgroups of so many invocations for `count` of them.
+pub(crate) fn workgroups(count: u32, size: u32) -> u32 {
+    count.div_ceil(size)
+}

@@ -1,0 +1,461 @@
+//! A forest on the device: made once, and made anew where vertices have moved.
+
+use bytemuck::cast_slice;
+use hdtrapeze_shaders::layout::{BuildLaunch, BuildOutcome, BuildState};
+use hdtrapeze_shaders::stage::{BuildStage, SORT_BITS, SORT_TILE};
+use wgpu::BufferUsages as Usage;
+
+use super::forest::Forest;
+use super::kernels::{Clock, Kernels, Step, workgroups};
+use crate::{Device, GpuError};
+
+/// Items that are bounded in one submission: no driver's patience is tried.
+const BOUND_AT_ONCE: u32 = 1 << 18;
+/// Rounds of clustering, and levels that are opened, before the device is asked how far it is.
+const ROUNDS: u32 = 12;
+const LEVELS: u32 = 8;
+/// Rounds that suffice for all items that can be numbered, where two rounds join an eighth of them or more.
+const MOST_ROUNDS: u32 = 360;
+/// Levels that are numbered.
+const LAST_LEVEL: u32 = 254;
+/// Numbers about each object in `facts`.
+const FACTS: usize = 7;
+const NONE: u32 = u32::MAX;
+
+/// Where things are in the buffers of the scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Places {
+    /// Place of the first block.
+    pub blocks: u32,
+    /// First word of the blocks' frames.
+    pub frames: u32,
+}
+
+/// The shape of the trees of a forest, and what their bounds are made from.
+#[derive(Debug)]
+pub(crate) struct Trees {
+    pub forest: Forest,
+    pub places: Places,
+    objects: wgpu::Buffer,
+    starts: wgpu::Buffer,
+    facts: wgpu::Buffer,
+    boxes: wgpu::Buffer,
+    references: wgpu::Buffer,
+    slots: wgpu::Buffer,
+    roots: wgpu::Buffer,
+    heights: wgpu::Buffer,
+    outcomes: wgpu::Buffer,
+    /// First node of each level, and the one after the last.
+    levels: Vec<u32>,
+    /// As `facts` has them: a bit for each grid that was left out.
+    dropped: Vec<u32>,
+}
+
+/// Why trees of a forest are not made on the device.
+pub(crate) enum Unmade {
+    Failed(GpuError),
+    /// Deeper than can be numbered.
+    Deep,
+}
+
+impl From<GpuError> for Unmade {
+    fn from(error: GpuError) -> Self {
+        Self::Failed(error)
+    }
+}
+
+fn storage(device: &Device, what: &'static str, bytes: u64) -> Result<wgpu::Buffer, GpuError> {
+    let usage = Usage::STORAGE | Usage::COPY_SRC | Usage::COPY_DST;
+    // A binding may not be empty.
+    device.buffer(what, bytes.max(64), usage)
+}
+
+fn words(device: &Device, what: &'static str, count: u32) -> Result<wgpu::Buffer, GpuError> {
+    storage(device, what, 4 * u64::from(count))
+}
+
+impl Trees {
+    /// Makes the trees over a forest whose vertices are in `planes`, and grids in `grids`. Its blocks are in the buffer that is
+    /// given back, in their order.
+    pub fn new(
+        kernels: &Kernels,
+        clock: &mut Clock,
+        forest: Forest,
+        places: Places,
+        (planes, grids): (&wgpu::Buffer, &wgpu::Buffer),
+    ) -> Result<(Self, wgpu::Buffer), Unmade> {
+        let device = &*kernels.device;
+        let units = forest.block_units();
+        let starts = forest.starts.iter();
+        let starts: Vec<[u32; 2]> = starts
+            .map(|&[item, block]| [item, places.blocks + units * block])
+            .collect();
+        let items = forest.items;
+        let floats = if forest.moves { 12 } else { 6 };
+        let facts = (FACTS * forest.objects.len() + forest.starts.len().div_ceil(32)) as u32;
+        let count = forest.objects.len() as u32;
+        let mut trees = Self {
+            objects: device.upload("objects", cast_slice(&forest.objects))?,
+            starts: device.upload("items", cast_slice(&starts))?,
+            facts: words(device, "facts", facts)?,
+            boxes: storage(device, "boxes", 8 * floats * u64::from(items))?,
+            references: words(device, "items", items)?,
+            slots: words(device, "slots", 8 * forest.most_nodes())?,
+            roots: device.upload("roots", cast_slice(&vec![NONE; count as usize]))?,
+            heights: words(device, "nodes", 2 * forest.most_nodes())?,
+            outcomes: words(device, "outcomes", 3 * count)?,
+            levels: Vec::new(),
+            dropped: Vec::new(),
+            forest,
+            places,
+        };
+        let blocks = words(device, "blocks", 4 * units * trees.forest.blocks)?;
+        trees.bound(
+            kernels,
+            clock,
+            (planes, grids),
+            (&blocks, trees.places.blocks),
+        )?;
+        trees.dropped = trees.now_dropped(device)?;
+        let (clusters, state) = trees.sorted(kernels, clock)?;
+        let (clusters, children) = trees.clustered(kernels, clock, clusters, &state)?;
+        trees.collapsed(kernels, clock, &clusters, &children, &state)?;
+        Ok((trees, blocks))
+    }
+
+    /// Nodes of all trees.
+    pub fn node_count(&self) -> u32 {
+        self.levels.last().copied().unwrap_or(0)
+    }
+
+    fn launch(&self) -> BuildLaunch {
+        let forest = &self.forest;
+        BuildLaunch {
+            items: forest.items,
+            objects: forest.objects.len() as u32,
+            grids: forest.starts.len() as u32,
+            bits: forest.bits(),
+            tiles: workgroups(forest.items, SORT_TILE),
+            blocks: self.places.blocks,
+            frames: self.places.frames,
+            ..BuildLaunch::default()
+        }
+    }
+
+    /// Bounds all items anew; the first unit of `nodes`, where blocks go, has place `base`.
+    fn bound(
+        &self,
+        kernels: &Kernels,
+        clock: &mut Clock,
+        (planes, grids): (&wgpu::Buffer, &wgpu::Buffer),
+        (nodes, base): (&wgpu::Buffer, u32),
+    ) -> Result<(), GpuError> {
+        let none = [
+            i32::MAX,
+            i32::MAX,
+            i32::MAX,
+            i32::MIN,
+            i32::MIN,
+            i32::MIN,
+            0,
+        ];
+        let mut facts: Vec<i32> = none.repeat(self.forest.objects.len());
+        facts.resize(facts.len() + self.forest.starts.len().div_ceil(32), 0);
+        let queue = &kernels.device.queue;
+        queue.write_buffer(&self.facts, 0, cast_slice(&facts));
+        let buffers = [
+            &self.boxes,
+            &self.objects,
+            &self.starts,
+            &self.facts,
+            planes,
+            grids,
+            nodes,
+            &self.references,
+        ];
+        for first in (0..self.forest.items).step_by(BOUND_AT_ONCE as usize) {
+            let end = self.forest.items.min(first + BOUND_AT_ONCE);
+            let launch = BuildLaunch {
+                base,
+                first,
+                end,
+                ..self.launch()
+            };
+            let step = Step {
+                entry: "bound",
+                launch,
+                workgroups: workgroups(end - first, 64),
+                set: 0,
+            };
+            let stage = (BuildStage::Bound, self.forest.moves);
+            kernels.run(clock, stage, &[step], &[&buffers])?;
+        }
+        Ok(())
+    }
+
+    fn now_dropped(&self, device: &Device) -> Result<Vec<u32>, GpuError> {
+        let first = FACTS * self.forest.objects.len();
+        let mut facts = vec![0u32; first + self.forest.starts.len().div_ceil(32)];
+        device.fetch(&self.facts, &mut facts)?;
+        Ok(facts.split_off(first))
+    }
+
+    /// Items in the order of their keys, as the first clusters.
+    fn sorted(
+        &self,
+        kernels: &Kernels,
+        clock: &mut Clock,
+    ) -> Result<(wgpu::Buffer, wgpu::Buffer), GpuError> {
+        let device = &*kernels.device;
+        let (items, launch) = (self.forest.items, self.launch());
+        let keys = [
+            words(device, "keys", 2 * items)?,
+            words(device, "keys", 2 * items)?,
+        ];
+        let numbers = [
+            words(device, "items", items)?,
+            words(device, "items", items)?,
+        ];
+        let key = Step {
+            entry: "key",
+            launch,
+            workgroups: workgroups(items, 64),
+            set: 0,
+        };
+        let buffers = [
+            &self.boxes,
+            &self.objects,
+            &self.starts,
+            &self.facts,
+            &keys[0],
+            &numbers[0],
+        ];
+        let stage = (BuildStage::Morton, self.forest.moves);
+        kernels.run(clock, stage, &[key], &[&buffers])?;
+        let histogram = words(device, "histogram", (launch.tiles << SORT_BITS).max(1))?;
+        let clusters = words(device, "clusters", 2 * items)?;
+        let begun = BuildState {
+            made: 1,
+            ..bytemuck::Zeroable::zeroed()
+        };
+        let state = storage(device, "state", size_of::<BuildState>() as u64)?;
+        device
+            .queue
+            .write_buffer(&state, 0, bytemuck::bytes_of(&begun));
+        let set = |from: usize| {
+            let to = 1 - from;
+            [
+                &keys[from],
+                &numbers[from],
+                &keys[to],
+                &numbers[to],
+                &histogram,
+                &clusters,
+                &state,
+            ]
+        };
+        let mut steps = Vec::new();
+        let rounds = self.forest.key_bits().div_ceil(SORT_BITS);
+        for round in 0..rounds {
+            let launch = BuildLaunch {
+                first: round * SORT_BITS,
+                ..launch
+            };
+            let step = |entry, workgroups| Step {
+                entry,
+                launch,
+                workgroups,
+                set: round as usize % 2,
+            };
+            steps.push(step("count", launch.tiles));
+            steps.push(step("sum", 1));
+            steps.push(step("scatter", launch.tiles));
+        }
+        steps.push(Step {
+            entry: "begin",
+            launch,
+            workgroups: workgroups(items, 128),
+            set: rounds as usize % 2,
+        });
+        let stage = (BuildStage::Sort, self.forest.moves);
+        kernels.run(clock, stage, &steps, &[&set(0), &set(1)])?;
+        Ok((clusters, state))
+    }
+
+    /// The last clusters, and the children of nodes of the binary trees.
+    fn clustered(
+        &self,
+        kernels: &Kernels,
+        clock: &mut Clock,
+        clusters: wgpu::Buffer,
+        state: &wgpu::Buffer,
+    ) -> Result<(wgpu::Buffer, wgpu::Buffer), Unmade> {
+        let device = &*kernels.device;
+        let (items, launch) = (self.forest.items, self.launch());
+        let other = words(device, "clusters", 2 * items)?;
+        let nearest = words(device, "neighbours", items)?;
+        let sums = words(device, "sums", 2 * workgroups(items, 128))?;
+        let children = words(device, "children", 2 * items)?;
+        let arrays = [clusters, other];
+        let set = |from: usize| {
+            [
+                &self.boxes,
+                &arrays[from],
+                &arrays[1 - from],
+                &nearest,
+                &sums,
+                &children,
+                state,
+            ]
+        };
+        let mut count = items;
+        for round in (0..MOST_ROUNDS).step_by(ROUNDS as usize) {
+            let groups = workgroups(count, 128);
+            let steps = |round: u32| {
+                let set = round as usize % 2;
+                let names = ["find", "count", "sum", "join"];
+                names.map(move |entry| Step {
+                    entry,
+                    launch,
+                    workgroups: if entry == "sum" { 1 } else { groups },
+                    set,
+                })
+            };
+            let steps: Vec<Step> = (round..round + ROUNDS).flat_map(steps).collect();
+            let stage = (BuildStage::Cluster, self.forest.moves);
+            kernels.run(clock, stage, &steps, &[&set(0), &set(1)])?;
+            let now = read_state(device, state)?;
+            if now.made == 0 {
+                // After an even number of rounds they stand where they began.
+                const { assert!(ROUNDS.is_multiple_of(2)) };
+                let [clusters, _] = arrays;
+                return Ok((clusters, children));
+            }
+            count = now.count;
+        }
+        Err(Unmade::Deep)
+    }
+
+    /// Nodes of 8 children.
+    fn collapsed(
+        &mut self,
+        kernels: &Kernels,
+        clock: &mut Clock,
+        clusters: &wgpu::Buffer,
+        children: &wgpu::Buffer,
+        state: &wgpu::Buffer,
+    ) -> Result<(), Unmade> {
+        let device = &*kernels.device;
+        let (most, launch) = (self.forest.most_nodes(), self.launch());
+        let opened = words(device, "opened", most)?;
+        let sums = words(device, "sums", 2 * workgroups(most, 128))?;
+        let buffers = [
+            &self.boxes,
+            clusters,
+            children,
+            &opened,
+            &self.slots,
+            &sums,
+            &self.roots,
+            state,
+        ];
+        let step = |entry, workgroups| Step {
+            entry,
+            launch,
+            workgroups,
+            set: 0,
+        };
+        let mut steps = vec![step("root", 1)];
+        // Nodes of the next level, at most.
+        let mut next = launch.objects.min(most);
+        while self.levels.is_empty() {
+            for _ in 0..LEVELS {
+                let groups = workgroups(next, 128);
+                steps.push(step("open", groups));
+                steps.push(step("sum", 1));
+                steps.push(step("place", groups));
+                next = next.saturating_mul(8).min(most);
+            }
+            let stage = (BuildStage::Collapse, self.forest.moves);
+            kernels.run(clock, stage, &steps, &[&buffers])?;
+            steps.clear();
+            let now = read_state(device, state)?;
+            let level = now.level as usize;
+            next = now.levels[level + 1] - now.levels[level];
+            if next == 0 {
+                self.levels = now.levels[..=level].to_vec();
+                // Levels were opened that have no nodes.
+                self.levels.dedup();
+            } else if now.level == LAST_LEVEL {
+                return Err(Unmade::Deep);
+            }
+        }
+        Ok(())
+    }
+
+    /// Makes the bounds of all nodes, into `nodes` from place `first` on; gives what became of each object.
+    pub fn refit(
+        &self,
+        kernels: &Kernels,
+        clock: &mut Clock,
+        nodes: &wgpu::Buffer,
+        first: u32,
+    ) -> Result<Vec<BuildOutcome>, GpuError> {
+        let buffers = [
+            &self.boxes,
+            &self.slots,
+            &self.references,
+            nodes,
+            &self.heights,
+            &self.roots,
+            &self.facts,
+            &self.outcomes,
+        ];
+        let launch = BuildLaunch {
+            nodes: first,
+            ..self.launch()
+        };
+        let level = |ends: &[u32]| Step {
+            entry: "refit",
+            launch: BuildLaunch {
+                first: ends[0],
+                end: ends[1],
+                ..launch
+            },
+            workgroups: workgroups(ends[1] - ends[0], 64),
+            set: 0,
+        };
+        let mut steps: Vec<Step> = self.levels.windows(2).rev().map(level).collect();
+        steps.push(Step {
+            entry: "tell",
+            launch,
+            workgroups: workgroups(launch.objects, 64),
+            set: 0,
+        });
+        let stage = (BuildStage::Refit, self.forest.moves);
+        kernels.run(clock, stage, &steps, &[&buffers])?;
+        let mut outcomes = vec![BuildOutcome::default(); self.forest.objects.len()];
+        kernels.device.fetch(&self.outcomes, &mut outcomes)?;
+        Ok(outcomes)
+    }
+
+    /// Bounds all items anew, into `nodes` at their places, where vertices have moved. False where other grids than before
+    /// cannot be traced: these trees are of no use then.
+    pub fn rebound(
+        &self,
+        kernels: &Kernels,
+        clock: &mut Clock,
+        vertices: (&wgpu::Buffer, &wgpu::Buffer),
+        nodes: &wgpu::Buffer,
+    ) -> Result<bool, GpuError> {
+        self.bound(kernels, clock, vertices, (nodes, 0))?;
+        Ok(self.now_dropped(&kernels.device)? == self.dropped)
+    }
+}
+
+fn read_state(device: &Device, state: &wgpu::Buffer) -> Result<BuildState, GpuError> {
+    let mut now = [bytemuck::Zeroable::zeroed()];
+    device.fetch(state, &mut now)?;
+    let [now] = now;
+    Ok(now)
+}
