@@ -7,45 +7,13 @@
 
 PXR_NAMESPACE_OPEN_SCOPE
 
-namespace {
-
-uint32_t _Basis(HdBasisCurvesTopology const& topology, SdfPath const& id,
-                HdTrapezeRenderParam& param) {
-    static std::map<TfToken, uint32_t> const words = {
-        {HdTokens->bezier, TRZ_BASIS_BEZIER},
-        {HdTokens->bspline, TRZ_BASIS_BSPLINE},
-        {HdTokens->catmullRom, TRZ_BASIS_CATMULL_ROM},
-        {HdTokens->hermite, TRZ_BASIS_HERMITE},
-    };
-    return topology.GetCurveType() == HdTokens->linear
-               ? TRZ_BASIS_LINEAR
-               : HdTrapezeWord(words, topology.GetCurveBasis(), TRZ_BASIS_BEZIER, id, param);
-}
-
-uint32_t _Wrap(TfToken const& word, SdfPath const& id, HdTrapezeRenderParam& param) {
-    static std::map<TfToken, uint32_t> const words = {
-        {HdTokens->nonperiodic, TRZ_WRAP_NONPERIODIC},
-        {HdTokens->segmented, TRZ_WRAP_NONPERIODIC},
-        {HdTokens->periodic, TRZ_WRAP_PERIODIC},
-        {HdTokens->pinned, TRZ_WRAP_PINNED},
-    };
-    return HdTrapezeWord(words, word, TRZ_WRAP_NONPERIODIC, id, param);
-}
-
-} // namespace
-
 uint32_t HdTrapezeCurveForm(HdSceneDelegate* delegate, SdfPath const& id,
                             HdTrapezeRenderParam& param) {
     static TfToken const primvar("trapeze:curves");
-    static std::map<TfToken, uint32_t> const words = {
-        {TfToken("auto"), TRZ_CURVES_AUTO},
-        {TfToken("ribbons"), TRZ_CURVES_RIBBONS},
-        {TfToken("tubes"), TRZ_CURVES_TUBES},
-    };
     VtValue const value = delegate->Get(id, primvar);
     TfToken const word = value.IsHolding<std::string>() ? TfToken(value.UncheckedGet<std::string>())
                                                         : value.GetWithDefault<TfToken>();
-    return HdTrapezeWord(words, word, TRZ_CURVES_DEFAULT, id, param);
+    return HdTrapezeWord(primvar.GetText(), word, id, param);
 }
 
 // The bounds and axes that stand for a model have indices; authored curves have none.
@@ -69,8 +37,10 @@ void HdTrapezeBasisCurves::_SyncShape(HdTrapezePrim const& prim, HdSceneDelegate
     }
     HdBasisCurvesTopology const topology = GetBasisCurvesTopology(delegate);
     VtIntArray counts = topology.GetCurveVertexCounts();
-    if (topology.GetCurveWrap() == HdTokens->segmented) {
-        // Points two by two.
+    TfToken wrap = topology.GetCurveWrap();
+    if (wrap == HdTokens->segmented) {
+        // Hydra's word for lines of two points each.
+        wrap = HdTokens->nonperiodic;
         int points = 0;
         for (int count : counts) {
             points += std::max(count, 0);
@@ -79,8 +49,10 @@ void HdTrapezeBasisCurves::_SyncShape(HdTrapezePrim const& prim, HdSceneDelegate
     }
     trz_curves desc = {};
     desc.struct_size = sizeof(desc);
-    desc.basis = _Basis(topology, id, param);
-    desc.wrap = _Wrap(topology.GetCurveWrap(), id, param);
+    desc.basis = topology.GetCurveType() == HdTokens->linear
+                     ? TRZ_BASIS_LINEAR
+                     : HdTrapezeWord("basis", topology.GetCurveBasis(), id, param);
+    desc.wrap = HdTrapezeWord("wrap", wrap, id, param);
     desc.form = HdTrapezeCurveForm(delegate, id, param);
     desc.vertex_counts = counts.cdata();
     desc.curve_count = counts.size();

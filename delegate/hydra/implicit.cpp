@@ -12,55 +12,39 @@ namespace {
 // One of the numbers that a kind's size is made of, under its name, or the one that it has where
 // the lower and the upper end are alike.
 struct _Size {
-    TfToken name;
-    TfToken uniform;
+    char const* name;
     double fallback;
+    char const* uniform = nullptr;
 };
 
 struct _Kind {
     uint32_t kind;
-    TfToken schema;
+    char const* schema;
     std::vector<_Size> sizes;
 };
 
 std::map<TfToken, _Kind> const& _Kinds() {
-    static std::map<TfToken, _Kind> const kinds = [] {
-        auto const size = [](char const* name, double fallback, char const* uniform = "") {
-            return _Size{TfToken(name), TfToken(uniform), fallback};
+    static auto const kinds = [] {
+        _Kind const cylinder = {
+            TRZ_IMPLICIT_CYLINDER,
+            "cylinder",
+            {{"height", 2.0}, {"radiusBottom", 1.0, "radius"}, {"radiusTop", 1.0, "radius"}}};
+        _Kind const capsule = {
+            TRZ_IMPLICIT_CAPSULE,
+            "capsule",
+            {{"height", 1.0}, {"radiusBottom", 0.5, "radius"}, {"radiusTop", 0.5, "radius"}}};
+        return std::map<TfToken, _Kind>{
+            {TfToken("cube"), {TRZ_IMPLICIT_CUBE, "cube", {{"size", 2.0}}}},
+            {TfToken("sphere"), {TRZ_IMPLICIT_SPHERE, "sphere", {{"radius", 1.0}}}},
+            {TfToken("plane"), {TRZ_IMPLICIT_PLANE, "plane", {{"width", 2.0}, {"length", 2.0}}}},
+            {TfToken("cone"), {TRZ_IMPLICIT_CONE, "cone", {{"height", 2.0}, {"radius", 1.0}}}},
+            {TfToken("cylinder"), cylinder},
+            {TfToken("cylinder_1"), cylinder},
+            {TfToken("capsule"), capsule},
+            {TfToken("capsule_1"), capsule},
         };
-        std::vector<_Size> const cube = {size("size", 2.0)};
-        std::vector<_Size> const sphere = {size("radius", 1.0)};
-        std::vector<_Size> const plane = {size("width", 2.0), size("length", 2.0)};
-        std::vector<_Size> const cone = {size("height", 2.0), size("radius", 1.0)};
-        auto const ends = [&](double height, double radius) {
-            return std::vector<_Size>{size("height", height),
-                                      size("radiusBottom", radius, "radius"),
-                                      size("radiusTop", radius, "radius")};
-        };
-        std::map<TfToken, _Kind> kinds;
-        auto const add = [&](char const* type, char const* schema, uint32_t kind,
-                             std::vector<_Size> const& sizes) {
-            kinds[TfToken(type)] = {kind, TfToken(schema), sizes};
-        };
-        add("cube", "cube", TRZ_IMPLICIT_CUBE, cube);
-        add("sphere", "sphere", TRZ_IMPLICIT_SPHERE, sphere);
-        add("plane", "plane", TRZ_IMPLICIT_PLANE, plane);
-        add("cone", "cone", TRZ_IMPLICIT_CONE, cone);
-        for (char const* type : {"cylinder", "cylinder_1"}) {
-            add(type, "cylinder", TRZ_IMPLICIT_CYLINDER, ends(2.0, 1.0));
-        }
-        for (char const* type : {"capsule", "capsule_1"}) {
-            add(type, "capsule", TRZ_IMPLICIT_CAPSULE, ends(1.0, 0.5));
-        }
-        return kinds;
     }();
     return kinds;
-}
-
-uint32_t _Axis(TfToken const& word, SdfPath const& id, HdTrapezeRenderParam& param) {
-    static std::map<TfToken, uint32_t> const words = {
-        {TfToken("X"), TRZ_AXIS_X}, {TfToken("Y"), TRZ_AXIS_Y}, {TfToken("Z"), TRZ_AXIS_Z}};
-    return HdTrapezeWord(words, word, TRZ_AXIS_Z, id, param);
 }
 
 } // namespace
@@ -85,14 +69,14 @@ void HdTrapezeImplicit::_SyncShape(HdTrapezePrim const& prim, HdSceneDelegate* d
         return;
     }
     _Kind const& kind = _Kinds().at(_type);
-    HdTrapezeSchema const schema(delegate, id, HdDataSourceLocator(kind.schema));
+    HdTrapezeSchema const schema(delegate, id, HdDataSourceLocator(TfToken(kind.schema)));
     GfInterval const shutter = prim.Shutter(param);
     std::vector<HdTrapezeSamples<double>> tracks;
     std::set<double> times; // of those that change, if any
     for (_Size const& size : kind.sizes) {
-        auto samples = schema.Sample(size.name, shutter);
-        if (samples.values.empty() && !size.uniform.IsEmpty()) {
-            samples = schema.Sample(size.uniform, shutter);
+        auto samples = schema.Sample(TfToken(size.name), shutter);
+        if (samples.values.empty() && size.uniform) {
+            samples = schema.Sample(TfToken(size.uniform), shutter);
         }
         if (samples.times.size() > 1) {
             times.insert(samples.times.begin(), samples.times.end());
@@ -112,7 +96,7 @@ void HdTrapezeImplicit::_SyncShape(HdTrapezePrim const& prim, HdSceneDelegate* d
     trz_implicit desc = {};
     desc.struct_size = sizeof(desc);
     desc.kind = kind.kind;
-    desc.axis = _Axis(schema.Get(TfToken("axis"), TfToken()), id, param);
+    desc.axis = HdTrapezeWord("axis", schema.Get(TfToken("axis"), TfToken()), id, param);
     desc.orientation = TRZ_ORIENTATION_RIGHT_HANDED; // Hydra's schemas have no other
     desc.times = sorted.data();
     desc.sizes = sizes.data();

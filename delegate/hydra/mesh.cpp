@@ -3,50 +3,10 @@
 #include "words.h"
 
 #include "pxr/imaging/hd/meshTopology.h"
-#include "pxr/imaging/pxOsd/tokens.h"
 
 PXR_NAMESPACE_OPEN_SCOPE
 
 namespace {
-
-uint32_t _Scheme(TfToken const& word, SdfPath const& id, HdTrapezeRenderParam& param) {
-    static std::map<TfToken, uint32_t> const words = {
-        {PxOsdOpenSubdivTokens->catmullClark, TRZ_SCHEME_CATMULL_CLARK},
-        {PxOsdOpenSubdivTokens->loop, TRZ_SCHEME_LOOP},
-        {PxOsdOpenSubdivTokens->bilinear, TRZ_SCHEME_BILINEAR},
-        {PxOsdOpenSubdivTokens->none, TRZ_SCHEME_NONE},
-    };
-    return HdTrapezeWord(words, word, TRZ_SCHEME_CATMULL_CLARK, id, param);
-}
-
-uint32_t _Boundary(TfToken const& word, SdfPath const& id, HdTrapezeRenderParam& param) {
-    static std::map<TfToken, uint32_t> const words = {
-        {PxOsdOpenSubdivTokens->none, TRZ_BOUNDARY_NONE},
-        {PxOsdOpenSubdivTokens->edgeOnly, TRZ_BOUNDARY_EDGE_ONLY},
-        {PxOsdOpenSubdivTokens->edgeAndCorner, TRZ_BOUNDARY_EDGE_AND_CORNER},
-    };
-    return HdTrapezeWord(words, word, TRZ_BOUNDARY_EDGE_AND_CORNER, id, param);
-}
-
-uint32_t _FaceVarying(TfToken const& word, SdfPath const& id, HdTrapezeRenderParam& param) {
-    static std::map<TfToken, uint32_t> const words = {
-        {PxOsdOpenSubdivTokens->none, TRZ_FVAR_NONE},
-        {PxOsdOpenSubdivTokens->cornersOnly, TRZ_FVAR_CORNERS_ONLY},
-        {PxOsdOpenSubdivTokens->cornersPlus1, TRZ_FVAR_CORNERS_PLUS1},
-        {PxOsdOpenSubdivTokens->cornersPlus2, TRZ_FVAR_CORNERS_PLUS2},
-        {PxOsdOpenSubdivTokens->boundaries, TRZ_FVAR_BOUNDARIES},
-        {PxOsdOpenSubdivTokens->all, TRZ_FVAR_ALL},
-    };
-    return HdTrapezeWord(words, word, TRZ_FVAR_CORNERS_PLUS1, id, param);
-}
-
-uint32_t _Triangles(TfToken const& word, SdfPath const& id, HdTrapezeRenderParam& param) {
-    static std::map<TfToken, uint32_t> const words = {
-        {PxOsdOpenSubdivTokens->catmullClark, TRZ_TRIANGLES_CATMULL_CLARK},
-        {PxOsdOpenSubdivTokens->smooth, TRZ_TRIANGLES_SMOOTH},
-    };
-    return HdTrapezeWord(words, word, TRZ_TRIANGLES_CATMULL_CLARK, id, param);
-}
 
 void _SetTopology(trz_id prim, SdfPath const& id, HdMeshTopology const& topology,
                   PxOsdSubdivTags const& tags, HdTrapezeRenderParam& param) {
@@ -58,13 +18,17 @@ void _SetTopology(trz_id prim, SdfPath const& id, HdMeshTopology const& topology
     VtFloatArray const& sharpnesses = tags.GetCreaseWeights();
     VtIntArray const& corners = tags.GetCornerIndices();
     VtFloatArray const& cornerSharpnesses = tags.GetCornerWeights();
+    auto const word = [&](char const* attribute, TfToken const& word) {
+        return HdTrapezeWord(attribute, word, id, param);
+    };
     trz_topology desc = {};
     desc.struct_size = sizeof(desc);
-    desc.scheme = _Scheme(topology.GetScheme(), id, param);
-    desc.boundary = _Boundary(tags.GetVertexInterpolationRule(), id, param);
-    desc.face_varying = _FaceVarying(tags.GetFaceVaryingInterpolationRule(), id, param);
-    desc.triangles = _Triangles(tags.GetTriangleSubdivision(), id, param);
-    desc.orientation = HdTrapezeOrientation(topology.GetOrientation());
+    desc.scheme = word("subdivisionScheme", topology.GetScheme());
+    desc.boundary = word("interpolateBoundary", tags.GetVertexInterpolationRule());
+    desc.face_varying =
+        word("faceVaryingLinearInterpolation", tags.GetFaceVaryingInterpolationRule());
+    desc.triangles = word("triangleSubdivisionRule", tags.GetTriangleSubdivision());
+    desc.orientation = word("orientation", topology.GetOrientation());
     desc.face_vertex_counts = counts.cdata();
     desc.face_count = counts.size();
     desc.face_vertex_indices = indices.cdata();

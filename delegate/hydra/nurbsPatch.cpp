@@ -29,7 +29,8 @@ void HdTrapezeNurbsPatch::_SyncShape(HdTrapezePrim const& prim, HdSceneDelegate*
         delegate->Get(id, TfToken("pointWeights")).GetWithDefault<VtDoubleArray>();
     trz_nurbs_patch desc = {};
     desc.struct_size = sizeof(desc);
-    desc.orientation = HdTrapezeOrientation(schema.Get(t.orientation, TfToken()));
+    desc.orientation =
+        HdTrapezeWord("orientation", schema.Get(t.orientation, TfToken()), id, param);
     desc.u_order = schema.Get(t.uOrder, 0);
     desc.v_order = schema.Get(t.vOrder, 0);
     desc.u_vertex_count = schema.Get(t.uVertexCount, 0);

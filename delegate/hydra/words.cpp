@@ -4,26 +4,15 @@
 
 #include "hdtrapeze.h"
 
-#include "pxr/base/tf/diagnostic.h"
-#include "pxr/imaging/pxOsd/tokens.h"
-
 PXR_NAMESPACE_OPEN_SCOPE
 
-uint32_t HdTrapezeWord(std::map<TfToken, uint32_t> const& words, TfToken const& word,
-                       uint32_t fallback, SdfPath const& id, HdTrapezeRenderParam& param) {
-    auto const found = words.find(word);
-    if (found != words.end()) {
-        return found->second;
-    }
-    if (!word.IsEmpty()) {
+uint32_t HdTrapezeWord(char const* attribute, TfToken const& word, SdfPath const& id,
+                       HdTrapezeRenderParam& param) {
+    uint32_t constant = 0;
+    if (trz_word(attribute, word.GetText(), &constant) == TRZ_ERROR_NOT_FOUND) {
         param.WarnOnce(id, "unknown word " + word.GetString() + "; USD's fallback is used");
     }
-    return fallback;
-}
-
-uint32_t HdTrapezeOrientation(TfToken const& word) {
-    return word == PxOsdOpenSubdivTokens->leftHanded ? TRZ_ORIENTATION_LEFT_HANDED
-                                                     : TRZ_ORIENTATION_RIGHT_HANDED;
+    return constant;
 }
 
 PXR_NAMESPACE_CLOSE_SCOPE

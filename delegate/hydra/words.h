@@ -6,19 +6,15 @@
 #include "pxr/usd/sdf/path.h"
 
 #include <cstdint>
-#include <map>
 
 PXR_NAMESPACE_OPEN_SCOPE
 
 class HdTrapezeRenderParam;
 
-/// The constant that a word stands for; the fallback where the word is empty. What is unknown gives
-/// a warning.
-uint32_t HdTrapezeWord(std::map<TfToken, uint32_t> const& words, TfToken const& word,
-                       uint32_t fallback, SdfPath const& id, HdTrapezeRenderParam& param);
-
-/// TRZ_ORIENTATION_*.
-uint32_t HdTrapezeOrientation(TfToken const& word);
+/// The constant that a word stands for as the value of an attribute, USD's fallback where the word
+/// is empty. What is unknown gives a warning.
+uint32_t HdTrapezeWord(char const* attribute, TfToken const& word, SdfPath const& id,
+                       HdTrapezeRenderParam& param);
 
 PXR_NAMESPACE_CLOSE_SCOPE
 

@@ -155,3 +155,24 @@ def check(result: int) -> None:
     message = ffi.string(lib().trz_last_error()).decode("utf-8", "replace")
     name = ffi.string(lib().trz_result_name(result)).decode()
     raise NativeError(result, name, message)
+
+
+def next_on_path(kind: str, times: list, start: int, values: list) -> tuple[list, bytes]:
+    """Where a path that is known at `times`, the first `start` of them its corners, is to be evaluated
+    next; nothing where it is known well enough: then a byte a time tells which are kept.
+
+    `values` are contiguous arrays of doubles, of whichever shape; `kind` is a TRZ_PATH_ name.
+    """
+    path = new("trz_path")
+    path.of = getattr(constants(), f"TRZ_PATH_{kind}")
+    path.times = at = ffi.new("double[]", times)
+    path.start_count, path.known_count = start, len(times)
+    path.values = arrays = ffi.new("double *[]", len(times))
+    for i, value in enumerate(values):
+        arrays[i] = ffi.from_buffer("double[]", value)
+    path.element_count = values[0].size // (3 if kind == "POINTS" else 16)
+    missing, count = ffi.new("double[64]"), ffi.new("size_t *")
+    keep = ffi.new("uint8_t[]", len(times))
+    check(lib().trz_path_next(path, missing, len(missing), count, keep))
+    del at, arrays  # until here, the struct points to them
+    return ffi.unpack(missing, count[0]) if count[0] else [], bytes(ffi.buffer(keep))

@@ -2,19 +2,19 @@
 
 A level is the local matrix of one prim; static levels next to each other are folded into one. USD
 interpolates the numbers of the transform ops (an angle, say), so between two authored samples the
-matrix may follow a curve: keys are added, by halving, until straight lines between them keep to
-the curve within TOLERANCE. A point's path is then what the stage says, up to that tolerance.
+matrix may follow a curve: keys are added, where the renderer asks for them, until straight lines
+between them keep to the curve within TOLERANCE. A point's path is then what the stage says, up to that tolerance.
 
 Matrices are USD's: row vectors, row-major, local to parent, f64.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom
 
+from . import native
 from .guard import FAULTS, warn_unreadable
 from .log import SceneLog
 from .shutter import Shutter
@@ -23,7 +23,7 @@ from .typed import Mistyped, get
 TOLERANCE = 2.5e-4
 """Largest distance of the curve from the line between keys: for the linear part relative to its
 size, for the translation relative to the larger of that size and the path's extent. A wheel with
-a radius of 500 pixels is off by at most an eighth of a pixel."""
+a radius of 500 pixels is off by at most an eighth of a pixel. The renderer's; tests know it."""
 
 MAX_KEYS = 64
 """Keys of one level at most: a full turn keeps to a radius of 500 pixels within 0.6 pixels."""
@@ -65,14 +65,7 @@ def curve_keys(
     nothing moves, one key remains.
     """
 
-    def limits(values):
-        linear = np.abs(values[..., :3, :3]).max()
-        extent = np.ptp(values[..., 3, :3], axis=0).max()
-        limits = np.full((4, 4), TOLERANCE * max(linear, 1e-30))
-        limits[3, :3] = TOLERANCE * max(linear, extent, 1e-30)
-        return limits
-
-    kept, matrices = _bent_keys(times, evaluate, limits)
+    kept, matrices = _bent_keys(times, evaluate, "MATRICES")
     return np.array(kept), np.stack(matrices)
 
 
@@ -80,47 +73,20 @@ def point_keys(
     times: list[float], evaluate: Callable[[float], np.ndarray]
 ) -> tuple[list[float], list[np.ndarray]]:
     """The same for points, (n, 3): TOLERANCE is relative to the box around all of their paths."""
-
-    def limits(values):
-        return TOLERANCE * max(np.ptp(values, axis=(0, 1)).max(initial=0.0), 1e-30)
-
-    return _bent_keys(times, evaluate, limits)
+    return _bent_keys(times, evaluate, "POINTS")
 
 
-def _bent_keys(times, evaluate, limits_of) -> tuple[list[float], list[np.ndarray]]:
-    """Keys that keep to `evaluate` within what `limits_of` makes of its first values."""
-    known: dict[float, np.ndarray] = {}
-
-    def at(time: float) -> np.ndarray:
-        if time not in known:
-            known[time] = evaluate(time)
-        return known[time]
-
-    # A curve may cross its chord in the middle, so each segment is first probed at its quarters.
-    segments = list(pairwise(times))
-    probes = [a + (b - a) * f for a, b in segments for f in (0.25, 0.5, 0.75)]
-    values = np.stack([at(time) for time in sorted({*times, *probes})])
-    if not np.isfinite(values).all():
-        return times, [at(time) for time in times]  # the renderer warns
-    if (values == values[0]).all():
-        return times[:1], [values[0]]
-    limits = limits_of(values)
-
-    def misses(a: float, b: float, time: float) -> bool:
-        f = (time - a) / (b - a)
-        chord = at(a) * (1.0 - f) + at(b) * f
-        return bool((np.abs(at(time) - chord) > limits).any())
-
-    kept = set(times)
-    pending = [(a, b, (0.25, 0.5, 0.75)) for a, b in segments]
-    while pending and len(kept) < MAX_KEYS:
-        a, b, fractions = pending.pop(0)
-        middle = a + (b - a) * 0.5
-        if a < middle < b and any(misses(a, b, a + (b - a) * f) for f in fractions):
-            kept.add(middle)
-            pending += [(a, middle, (0.5,)), (middle, b, (0.5,))]
-    ordered = sorted(kept)
-    return ordered, [at(time) for time in ordered]
+def _bent_keys(times, evaluate, kind: str) -> tuple[list[float], list[np.ndarray]]:
+    """Keys that keep to `evaluate`, as many as the renderer asks for."""
+    known: list[float] = []
+    values: list[np.ndarray] = []
+    missing = list(times)
+    while missing:
+        known += missing
+        values += [np.ascontiguousarray(evaluate(time), dtype=np.float64) for time in missing]
+        missing, keep = native.next_on_path(kind, known, len(times), values)
+    order = sorted(np.flatnonzero(keep), key=known.__getitem__)
+    return [known[i] for i in order], [values[i] for i in order]
 
 
 def compose(levels: list[Level], time: float) -> np.ndarray:

@@ -209,6 +209,12 @@
 // Along z (USD's default).
 #define TRZ_AXIS_Z 2
 
+// Matrices, 16 doubles each; USD layout.
+#define TRZ_PATH_MATRICES 0
+
+// Points, 3 doubles each.
+#define TRZ_PATH_POINTS 1
+
 // One value for the prim.
 #define TRZ_INTERPOLATION_CONSTANT 0
 
@@ -889,6 +895,26 @@ typedef struct trz_setting {
   // Its value where nobody has an opinion; TRZ_VALUE_NONE: none.
   struct trz_value fallback;
 } trz_setting;
+
+// A path that the host can evaluate at any time, as far as it has: of a transform, of points, or of
+// several transforms that are to have the same samples.
+typedef struct trz_path {
+  // sizeof(trz_path).
+  uint32_t struct_size;
+  // TRZ_PATH_*.
+  uint32_t of;
+  // known_count times at which it has been evaluated, none twice.
+  const double *times;
+  // The first so many of the times, ascending, are those where the path may have corners, its ends
+  // included; the others are what trz_path_next asked for. At least 1.
+  size_t start_count;
+  // Number of times.
+  size_t known_count;
+  // known_count arrays of element_count matrices or points.
+  const double *const *values;
+  // Matrices or points at each time.
+  size_t element_count;
+} trz_path;
 
 // Settings of a render.
 typedef struct trz_settings {
@@ -1571,6 +1597,33 @@ trz_result trz_setting_describe(size_t index,
 trz_result trz_settings_set(struct trz_settings *settings,
                             const char *name,
                             const struct trz_value *value);
+
+// Says at which times a path is to be evaluated next, so that the lines between its samples keep to it:
+// writes at most `capacity` (at least 1) of them to `times`, and how many to `count`. The host adds their
+// values to those known and asks again. With a count of 0 the path is known well enough: those samples i
+// are to be given to the renderer for which keep, known_count bytes, has keep[i] = 1. Where nothing
+// changes, that is the first alone; where a number is not finite, those of the start.
+//
+// Samples are off by at most 1/4000 of the path's size (of points, of the box around their paths; of
+// matrices, of their largest number), but where that would take more than 64.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_OUT_OF_MEMORY. Threads: any.
+trz_result trz_path_next(const struct trz_path *path,
+                         double *times,
+                         size_t capacity,
+                         size_t *count,
+                         uint8_t *keep);
+
+// The constant that a word stands for as the value of an attribute, by their names in USD. An empty word
+// is USD's fallback; so is one that is not known, which is TRZ_ERROR_NOT_FOUND, with out written.
+// Attributes: subdivisionScheme, interpolateBoundary, faceVaryingLinearInterpolation,
+// triangleSubdivisionRule, orientation, basis, wrap, axis and trapeze:curves.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT (attribute), TRZ_ERROR_NOT_FOUND (word).
+// Threads: any.
+trz_result trz_word(const char *attribute,
+                    const char *word,
+                    uint32_t *out);
 
 // Fills out, whose struct_size the caller has set, with the defaults of a new session.
 //

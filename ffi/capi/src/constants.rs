@@ -136,6 +136,11 @@ pub const TRZ_AXIS_Y: u32 = 1;
 /// Along z (USD's default).
 pub const TRZ_AXIS_Z: u32 = 2;
 
+/// Matrices, 16 doubles each; USD layout.
+pub const TRZ_PATH_MATRICES: u32 = 0;
+/// Points, 3 doubles each.
+pub const TRZ_PATH_POINTS: u32 = 1;
+
 /// One value for the prim.
 pub const TRZ_INTERPOLATION_CONSTANT: u32 = 0;
 /// One value a face, or a curve.

@@ -42,7 +42,7 @@ macro_rules! versioned {
 versioned! {
     trz_topology trz_points trz_primvar trz_instancer trz_curves trz_grids trz_implicit
     trz_nurbs_patch trz_nurbs_curves trz_camera trz_settings trz_progress trz_statistics
-    trz_aov_desc trz_image trz_device trz_setting trz_view trz_product
+    trz_aov_desc trz_image trz_device trz_setting trz_view trz_product trz_path
 }
 
 /// The size that a versioned struct says it has, checked.
@@ -123,6 +123,27 @@ pub(crate) unsafe fn place<'a, T>(place: *mut T, what: &str) -> Result<&'a mut T
     check_place(place.cast_const(), what)?;
     // SAFETY: not null, aligned; as this function's caller promises.
     Ok(unsafe { &mut *place })
+}
+
+/// Places to write `count` results to; what is there counts for nothing.
+///
+/// # Safety
+/// `first` is null or valid for writing `count` elements, and not aliased while the result lives.
+pub(crate) unsafe fn places<'a, T: Copy + Default>(
+    first: *mut T,
+    count: usize,
+    what: &str,
+) -> Result<&'a mut [T], Fault> {
+    check_slice(first.cast_const(), count, what)?;
+    if count == 0 {
+        return Ok(&mut []);
+    }
+    for i in 0..count {
+        // SAFETY: not null, aligned; as this function's caller promises.
+        unsafe { first.add(i).write(T::default()) };
+    }
+    // SAFETY: as above, and all elements have been written.
+    Ok(unsafe { slice::from_raw_parts_mut(first, count) })
 }
 
 fn check_place<T>(place: *const T, what: &str) -> Result<(), Fault> {

@@ -4,8 +4,9 @@
 //! `hdtrapeze-delegate` below, into which OpenSubdiv's factory is put here. Nothing is done in this
 //! crate but checking, copying and translating.
 //!
-//! Layers: `constants` and `types` are what the header shows; `session`, `scene`, `instancer`,
-//! `setting`, `render`, `view` and `output` hold the exported functions; `input` reads what callers pass, `convert` translates it,
+//! Layers: `constants` and `types` are what the header shows; `session`, `scene`, `instancer`, `path`,
+//! `words`, `setting`, `render`, `view` and `output` hold the exported functions; `input` reads what callers
+//! pass, `convert` translates it,
 //! `fault` carries failures and catches panics.
 //!
 //! From Rust the same functions can be called directly; what the header demands of pointers is
@@ -23,12 +24,14 @@ mod fault;
 mod input;
 pub mod instancer;
 pub mod output;
+pub mod path;
 pub mod render;
 pub mod scene;
 pub mod session;
 pub mod setting;
 pub mod types;
 pub mod view;
+pub mod words;
 
 use hdtrapeze_core::surface::SubdivisionFactory;
 use hdtrapeze_delegate::Session;
@@ -38,12 +41,14 @@ pub use constants::*;
 pub use device::*;
 pub use instancer::*;
 pub use output::*;
+pub use path::*;
 pub use render::*;
 pub use scene::*;
 pub use session::*;
 pub use setting::*;
 pub use types::*;
 pub use view::*;
+pub use words::*;
 
 /// A session for the functions of the ABI that subdivides with `factory` in place of OpenSubdiv:
 /// for Rust hosts and tests. It is given back to `trz_session_destroy`.

@@ -67,6 +67,28 @@ pub struct trz_transform_samples {
     pub turns: u32,
 }
 
+/// A path that the host can evaluate at any time, as far as it has: of a transform, of points, or of
+/// several transforms that are to have the same samples.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct trz_path {
+    /// sizeof(trz_path).
+    pub struct_size: u32,
+    /// TRZ_PATH_*.
+    pub of: u32,
+    /// known_count times at which it has been evaluated, none twice.
+    pub times: *const f64,
+    /// The first so many of the times, ascending, are those where the path may have corners, its ends
+    /// included; the others are what trz_path_next asked for. At least 1.
+    pub start_count: usize,
+    /// Number of times.
+    pub known_count: usize,
+    /// known_count arrays of element_count matrices or points.
+    pub values: *const *const f64,
+    /// Matrices or points at each time.
+    pub element_count: usize,
+}
+
 /// Topology and subdivision options of a mesh, as authored. Contradictions between counts and
 /// indices are found at commit, repaired or dropped with a warning.
 #[repr(C)]

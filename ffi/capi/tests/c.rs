@@ -73,6 +73,7 @@ macro_rules! layouts {
 fn all_layouts() -> Layouts {
     layouts! {
         trz_transform_samples { times, matrices, count, turns }
+        trz_path { struct_size, of, times, start_count, known_count, values, element_count }
         trz_topology {
             struct_size, scheme, boundary, face_varying, triangles, orientation,
             face_vertex_counts, face_count, face_vertex_indices, index_count, holes, hole_count,

@@ -4,13 +4,15 @@
 
 use std::path::Path;
 
-const SOURCES: [&str; 10] = [
+const SOURCES: [&str; 12] = [
     "constants",
     "types",
     "session",
     "scene",
     "instancer",
     "setting",
+    "path",
+    "words",
     "render",
     "view",
     "output",

@@ -22,7 +22,7 @@ pub(crate) use subset::*;
 pub(crate) use view::*;
 
 /// The element of `values` that an enum-like field stands for.
-fn pick<T: Copy>(values: &[T], number: u32, what: &str) -> Result<T, Fault> {
+pub(crate) fn pick<T: Copy>(values: &[T], number: u32, what: &str) -> Result<T, Fault> {
     let found = usize::try_from(number)
         .ok()
         .and_then(|at| values.get(at).copied());

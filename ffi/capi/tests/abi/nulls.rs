@@ -290,7 +290,42 @@ fn null_arguments() {
     session.square("/square", 0.0);
     ok(session.start());
     assert!(session.wait(-1.0));
+    let (known_times, origin) = ([0.0, 1.0], [0.0; 3]);
+    let known_values = [origin.as_ptr(); 2];
+    let path = trz_path {
+        struct_size: size(size_of::<trz_path>()),
+        of: TRZ_PATH_POINTS,
+        times: known_times.as_ptr(),
+        start_count: 2,
+        known_count: 2,
+        values: known_values.as_ptr(),
+        element_count: 1,
+    };
+    let no_path_times = trz_path {
+        times: null(),
+        ..path
+    };
+    let no_path_values = trz_path {
+        values: null(),
+        ..path
+    };
+    let no_path_arrays = [null(); 2];
+    let no_path_array = trz_path {
+        values: no_path_arrays.as_ptr(),
+        ..path
+    };
+    let (at, keep) = (&mut 0.0, &mut [0; 2]);
     null_pointer! {
+        trz_path_next(null(), at, 1, &mut 0, keep.as_mut_ptr());
+        trz_path_next(&no_path_times, at, 1, &mut 0, keep.as_mut_ptr());
+        trz_path_next(&no_path_values, at, 1, &mut 0, keep.as_mut_ptr());
+        trz_path_next(&no_path_array, at, 1, &mut 0, keep.as_mut_ptr());
+        trz_path_next(&path, null_mut(), 1, &mut 0, keep.as_mut_ptr());
+        trz_path_next(&path, at, 1, null_mut(), keep.as_mut_ptr());
+        trz_path_next(&path, at, 1, &mut 0, null_mut());
+        trz_word(null(), name, &mut 0);
+        trz_word(c"axis".as_ptr(), null(), &mut 0);
+        trz_word(c"axis".as_ptr(), c"X".as_ptr(), null_mut());
         trz_session_create(null_mut());
         trz_camera_default(null_mut());
         trz_settings_default(null_mut());
