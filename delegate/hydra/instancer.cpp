@@ -1,8 +1,7 @@
 #include "instancer.h"
 
-#include "primvars.h"
+#include "numbers.h"
 #include "schema.h"
-#include "selection.h"
 
 #include "pxr/imaging/hd/renderIndex.h"
 #include "pxr/imaging/hd/sceneDelegate.h"
@@ -14,38 +13,15 @@ namespace {
 
 TF_DEFINE_PRIVATE_TOKENS(_tokens, (angularVelocities));
 
-// Floats at several times, as the C ABI takes them.
-struct _FloatSamples {
-    std::vector<std::vector<float>> floats;
-    std::vector<double> times;
-    std::vector<size_t> counts;
-    std::vector<float const*> values;
-
-    _FloatSamples() = default;
-    _FloatSamples(HdTrapezeSamples<VtValue> const& samples, VtIntArray const& instances,
-                  uint32_t width, std::vector<int> const& order = {}) {
-        HdTrapezeSelection const selection(samples, instances, width);
-        times = selection.times;
-        counts = selection.counts;
-        floats = selection.Floats(order);
-        for (auto const& array : floats) {
-            values.push_back(array.data());
+// Older hosts give rotations as vectors that have the real part first.
+template <class Vector> void _MakeQuaternions(VtValue* value) {
+    if (value->IsHolding<VtArray<Vector>>()) {
+        VtQuatfArray quaternions;
+        for (Vector const& v : value->UncheckedGet<VtArray<Vector>>()) {
+            quaternions.push_back(GfQuatf(v[0], v[1], v[2], v[3]));
         }
+        *value = quaternions;
     }
-
-    trz_float_samples View() const {
-        return {times.data(), times.size(), values.data(), counts.data()};
-    }
-};
-
-// Rotations as quaternions x, y, z, w. Arrays of GfVec4f, which older hosts give, have the real
-// part first.
-_FloatSamples _Rotations(HdTrapezeSamples<VtValue> const& samples, VtIntArray const& instances) {
-    bool const realFirst =
-        !samples.values.empty() && (samples.values.front().IsHolding<VtArray<GfVec4f>>() ||
-                                    samples.values.front().IsHolding<VtArray<GfVec4d>>());
-    return _FloatSamples(samples, instances, 4,
-                         realFirst ? std::vector<int>{1, 2, 3, 0} : std::vector<int>{});
 }
 
 // Turning instances do not go through the frame's own matrices on the line between the samples
@@ -116,37 +92,21 @@ bool _AddMotion(HdSceneDelegate* delegate, SdfPath const& id, GfInterval const& 
     return true;
 }
 
-// Of arrays whose lengths change, the one at the frame or before it alone: it cannot be told which
-// instance is which. True where there were more.
-bool _KeepOne(HdTrapezeSamples<VtValue>* samples) {
-    auto const length = [](VtValue const& value) { return value.GetArraySize(); };
-    auto const& values = samples->values;
-    if (std::all_of(values.begin(), values.end(),
-                    [&](VtValue const& value) { return length(value) == length(values[0]); })) {
-        return false;
+// Lists of instances are mostly shared by those that have the same: hosts copy them for every part.
+struct _Less {
+    bool operator()(VtIntArray const& a, VtIntArray const& b) const {
+        return !a.IsIdentical(b) &&
+               std::lexicographical_compare(a.cbegin(), a.cend(), b.cbegin(), b.cend());
     }
-    size_t i = samples->times.size() - 1;
-    while (i > 0 && samples->times[i] > 0.0) {
-        --i;
-    }
-    *samples = {{samples->times[i]}, {samples->values[i]}};
-    return true;
-}
-
-bool _IsBuiltin(TfToken const& name) {
-    TfTokenVector const& names = HdInstancer::GetBuiltinPrimvarNames();
-    return std::find(names.begin(), names.end(), name) != names.end() ||
-           name == HdTokens->velocities || name == HdTokens->accelerations ||
-           name == _tokens->angularVelocities;
-}
+};
 
 } // namespace
 
-bool HdTrapezeInstancer::_Less::operator()(VtIntArray const& a, VtIntArray const& b) const {
-    if (a.IsIdentical(b)) {
-        return false;
-    }
-    return std::lexicographical_compare(a.cbegin(), a.cend(), b.cbegin(), b.cend());
+bool HdTrapezeInstancer::IsPlace(TfToken const& name) {
+    TfTokenVector const& names = GetBuiltinPrimvarNames();
+    return std::find(names.begin(), names.end(), name) != names.end() ||
+           name == HdTokens->velocities || name == HdTokens->accelerations ||
+           name == _tokens->angularVelocities;
 }
 
 void HdTrapezeInstancer::Sync(HdSceneDelegate* delegate, HdRenderParam* renderParam,
@@ -154,9 +114,12 @@ void HdTrapezeInstancer::Sync(HdSceneDelegate* delegate, HdRenderParam* renderPa
     auto& param = *static_cast<HdTrapezeRenderParam*>(renderParam);
     SdfPath const& id = GetId();
     HdDirtyBits const bits = *dirtyBits;
-    bool const created = !_created;
+    bool const created = _id == 0;
     if (created) {
-        _created = true;
+        if (!param.Session() ||
+            !param.Edit(trz_instancer_create(param.Session(), id.GetText(), &_id), id)) {
+            return;
+        }
         param.AddInstancer(id, this);
     }
     SdfPath const before = GetParentId();
@@ -166,9 +129,7 @@ void HdTrapezeInstancer::Sync(HdSceneDelegate* delegate, HdRenderParam* renderPa
         if (HdTrapezeInstancer* instancer = param.FindInstancer(before)) {
             instancer->RemovePart(id);
         }
-        for (auto const& [instances, group] : _groups) {
-            param.Edit(trz_prim_set_instancer(param.Session(), group.id, 0, 0), id);
-        }
+        param.Edit(trz_prim_set_instancer(param.Session(), _id, 0, 0), id);
     }
     if (!parent.IsEmpty() && (created || HdChangeTracker::IsInstanceIndexDirty(bits, id) ||
                               HdChangeTracker::IsInstancerDirty(bits, id))) {
@@ -176,78 +137,45 @@ void HdTrapezeInstancer::Sync(HdSceneDelegate* delegate, HdRenderParam* renderPa
         auto* const instancer =
             static_cast<HdTrapezeInstancer*>(delegate->GetRenderIndex().GetInstancer(parent));
         if (instancer) {
-            instancer->SetInstancerPart(id, this, delegate->GetInstanceIndices(parent, id));
+            instancer->SetPart(id, _id, delegate->GetInstanceIndices(parent, id));
         }
     }
     GfInterval const shutter = param.Shutter();
     if (created || HdChangeTracker::IsTransformDirty(bits, id)) {
-        _transform = HdTrapezeSampleInstancerTransform(delegate, id, shutter);
-        for (auto& [instances, group] : _groups) {
-            group.hasTransform = false;
-        }
+        auto const samples = HdTrapezeSampleInstancerTransform(delegate, id, shutter);
+        trz_transform_samples const level = samples.Level();
+        param.Edit(trz_prim_set_transform(param.Session(), _id, &level, samples.LevelCount()), id);
     }
     if (created || (bits & HdChangeTracker::DirtyPrimvar)) {
-        std::set<TfToken> const wanted = param.WantedPrimvars();
-        _primvars.clear();
-        _motion = HdTrapezeMotion(id, delegate);
+        HdTrapezeMotion const motion(id, delegate);
+        if (motion != _motion) {
+            _motion = motion;
+            motion.Send(id, _id, param);
+        }
+        _places.clear();
         for (auto const& primvar : delegate->GetPrimvarDescriptors(id, HdInterpolationInstance)) {
-            if (_IsBuiltin(primvar.name) || HdTrapezePrimvars::IsNeeded(primvar.name) ||
-                wanted.count(primvar.name)) {
-                _primvars[primvar.name] = {
-                    HdTrapezeSamplePrimvar(delegate, id, primvar.name, shutter), primvar.role,
-                    HdTrapezePrimvars::ElementSize(primvar)};
+            if (IsPlace(primvar.name)) {
+                _places[primvar.name] = HdTrapezeSamplePrimvar(delegate, id, primvar.name, shutter);
             }
         }
-        bool changes = false;
-        for (auto& [name, primvar] : _primvars) {
-            changes |= _KeepOne(&primvar.samples);
-        }
-        if (changes && !_primvars.count(HdTokens->velocities)) {
-            param.WarnOnce(id,
-                           "the number of instances changes around the shutter; they do not move");
-        }
-        auto const matrices = _primvars.find(HdInstancerTokens->instanceTransforms);
-        if (matrices != _primvars.end()) {
-            bool const evaluated = _AddMotion(delegate, id, shutter, &matrices->second.samples);
-            bool const straight = _AddFrame(delegate, id, &matrices->second.samples);
+        auto const matrices = _places.find(HdInstancerTokens->instanceTransforms);
+        if (matrices != _places.end()) {
+            bool const evaluated = _AddMotion(delegate, id, shutter, &matrices->second);
+            bool const straight = _AddFrame(delegate, id, &matrices->second);
             _matricesTurn = !evaluated && !straight;
         }
-        _CheckLengths(param);
-        for (auto& [instances, group] : _groups) {
-            group.hasValues = false;
+        for (VtValue& value : _places[HdInstancerTokens->instanceRotations].values) {
+            _MakeQuaternions<GfVec4f>(&value);
+            _MakeQuaternions<GfVec4d>(&value);
         }
+        _placesChanged = true;
+        _primvars.Sync(HdTrapezePrimvars::Of::Instances, id, _id, {}, delegate, param);
     }
     if (created || (bits & HdChangeTracker::DirtyVisibility)) {
-        _visible = delegate->GetVisible(id);
-        for (auto& [instances, group] : _groups) {
-            group.hasTransform = false;
-        }
+        bool const visible = delegate->GetVisible(id);
+        param.Edit(trz_prim_set_visible(param.Session(), _id, visible), id);
     }
     *dirtyBits &= ~HdChangeTracker::AllSceneDirtyBits;
-}
-
-// Of values that are more than there are instances it cannot be told whose they are: hosts before
-// 26.08 do not say it where an instance has several.
-void HdTrapezeInstancer::_CheckLengths(HdTrapezeRenderParam& param) {
-    size_t instances = 0;
-    for (TfToken const& name :
-         {HdInstancerTokens->instanceTranslations, HdInstancerTokens->instanceTransforms}) {
-        auto const found = _primvars.find(name);
-        if (found != _primvars.end() && !found->second.samples.values.empty()) {
-            instances = std::max(instances, found->second.samples.values[0].GetArraySize());
-        }
-    }
-    for (auto& [name, primvar] : _primvars) {
-        auto& samples = primvar.samples;
-        size_t const values = samples.values.empty() ? 0 : samples.values[0].GetArraySize();
-        size_t const most = instances * std::max(primvar.elementSize, 1);
-        if (most > 0 && values > most && !_IsBuiltin(name)) {
-            param.WarnOnce(GetId(), TfStringPrintf("primvar %s has %zu values where its instancer "
-                                                   "has %zu instances; it is ignored",
-                                                   name.GetText(), values, instances));
-            samples = {};
-        }
-    }
 }
 
 void HdTrapezeInstancer::Finalize(HdRenderParam* renderParam) {
@@ -257,173 +185,96 @@ void HdTrapezeInstancer::Finalize(HdRenderParam* renderParam) {
     if (HdTrapezeInstancer* parent = param.FindInstancer(GetParentId())) {
         parent->RemovePart(id);
     }
-    for (auto const& [instances, group] : _groups) {
-        param.Edit(trz_prim_remove(param.Session(), group.id), id);
+    if (_id != 0) {
+        param.Edit(trz_prim_remove(param.Session(), _id), id);
+        _id = 0;
     }
-    _groups.clear();
     HdInstancer::Finalize(renderParam);
 }
 
-void HdTrapezeInstancer::SetPrimPart(SdfPath const& id, trz_id prim, VtIntArray const& instances) {
+void HdTrapezeInstancer::SetPart(SdfPath const& id, trz_id part, VtIntArray const& instances) {
     std::lock_guard<std::mutex> lock(_mutex);
-    _parts[id] = {*_lists.insert(instances).first, prim, nullptr};
-    _partsChanged = true;
-}
-
-void HdTrapezeInstancer::SetInstancerPart(SdfPath const& id, HdTrapezeInstancer* child,
-                                          VtIntArray const& instances) {
-    std::lock_guard<std::mutex> lock(_mutex);
-    _parts[id] = {*_lists.insert(instances).first, 0, child};
+    _Part& known = _parts[id];
+    if (known.id != part) {
+        known = {{}, part};
+    }
+    known.instances = instances;
     _partsChanged = true;
 }
 
 void HdTrapezeInstancer::RemovePart(SdfPath const& id) {
     std::lock_guard<std::mutex> lock(_mutex);
-    auto const found = _parts.find(id);
-    if (found == _parts.end()) {
-        return;
-    }
-    _Part const& part = found->second;
-    if (part.child) {
-        for (auto const& [instances, group] : part.child->_groups) {
-            _links.erase(group.id);
-        }
-    }
-    _links.erase(part.prim);
-    _parts.erase(found);
-    _partsChanged = true;
+    _partsChanged |= _parts.erase(id) > 0;
 }
 
-bool HdTrapezeInstancer::CommitGroups(HdTrapezeRenderParam& param) {
-    SdfPath const& id = GetId();
-    bool const changed = _partsChanged;
-    if (changed) {
-        _partsChanged = false;
-        std::map<VtIntArray, _Group, _Less> groups;
-        for (auto const& [path, part] : _parts) {
-            groups[part.instances];
-        }
-        for (auto& [instances, group] : _groups) {
-            auto const found = groups.find(instances);
-            if (found != groups.end()) {
-                found->second = group;
-            } else {
-                param.Edit(trz_prim_remove(param.Session(), group.id), id);
+void HdTrapezeInstancer::Commit(HdTrapezeRenderParam& param) {
+    if (_partsChanged) {
+        std::map<VtIntArray, size_t, _Less> numbers;
+        std::vector<VtIntArray> lists;
+        for (auto& [id, part] : _parts) {
+            auto const [number, isNew] = numbers.emplace(part.instances, lists.size());
+            if (isNew) {
+                lists.push_back(part.instances);
+            }
+            part.instances = number->first; // one of each is kept
+            if (part.prototype != number->second) {
+                part.prototype = number->second;
+                param.Edit(trz_prim_set_instancer(param.Session(), part.id, _id,
+                                                  static_cast<uint32_t>(part.prototype)),
+                           GetId());
             }
         }
-        _groups = std::move(groups);
-        _lists.clear();
-        for (auto const& [instances, group] : _groups) {
-            _lists.insert(instances);
-        }
+        _placesChanged |= lists != _lists;
+        _lists = std::move(lists);
     }
-    for (auto& [instances, group] : _groups) {
-        if (group.id == 0 &&
-            !param.Edit(trz_instancer_create(param.Session(), id.GetText(), &group.id), id)) {
-            continue;
-        }
-        if (!group.hasTransform) {
-            group.hasTransform = true;
-            trz_transform_samples const level = _transform.Level();
-            param.Edit(
-                trz_prim_set_transform(param.Session(), group.id, &level, _transform.LevelCount()),
-                id);
-            param.Edit(trz_prim_set_visible(param.Session(), group.id, _visible), id);
-        }
-        if (group.motion != _motion) {
-            group.motion = _motion;
-            param.Edit(trz_prim_set_motion(param.Session(), group.id, _motion.blurScale,
-                                           _motion.sampleCount),
-                       id);
-        }
-        if (!group.hasValues) {
-            group.hasValues = true;
-            _SetValues(group.id, instances, param);
-        }
+    if (_placesChanged) {
+        _SetValues(param);
     }
-    return changed;
+    _partsChanged = _placesChanged = false;
 }
 
-void HdTrapezeInstancer::_SetValues(trz_id group, VtIntArray const& instances,
-                                    HdTrapezeRenderParam& param) {
-    SdfPath const& id = GetId();
-    auto const get = [&](TfToken const& name) -> HdTrapezeSamples<VtValue> {
-        auto const found = _primvars.find(name);
-        return found == _primvars.end() ? HdTrapezeSamples<VtValue>() : found->second.samples;
+void HdTrapezeInstancer::_SetValues(HdTrapezeRenderParam& param) {
+    auto const floats = [&](TfToken const& name, uint32_t width) {
+        return HdTrapezeFloatSamples(_places[name], width);
     };
-    _FloatSamples const positions(get(HdInstancerTokens->instanceTranslations), instances, 3);
-    _FloatSamples const orientations =
-        _Rotations(get(HdInstancerTokens->instanceRotations), instances);
-    _FloatSamples const scales(get(HdInstancerTokens->instanceScales), instances, 3);
-    _FloatSamples const velocities(get(HdTokens->velocities), instances, 3);
-    _FloatSamples const accelerations(get(HdTokens->accelerations), instances, 3);
-    _FloatSamples const turns(get(_tokens->angularVelocities), instances, 3);
-    HdTrapezeSelection const matrices(get(HdInstancerTokens->instanceTransforms), instances, 16);
+    auto const positions = floats(HdInstancerTokens->instanceTranslations, 3);
+    auto const orientations = floats(HdInstancerTokens->instanceRotations, 4);
+    auto const scales = floats(HdInstancerTokens->instanceScales, 3);
+    auto const velocities = floats(HdTokens->velocities, 3);
+    auto const accelerations = floats(HdTokens->accelerations, 3);
+    auto const turns = floats(_tokens->angularVelocities, 3);
+    auto const& matrices = _places[HdInstancerTokens->instanceTransforms];
     std::vector<double const*> matrixValues;
-    for (void const* values : matrices.values) {
-        matrixValues.push_back(static_cast<double const*>(values));
+    std::vector<size_t> matrixCounts;
+    for (VtValue const& value : matrices.values) {
+        auto const array = value.GetWithDefault<VtMatrix4dArray>(); // shares the value's numbers
+        matrixValues.push_back(array.empty() ? nullptr : array.cdata()->data());
+        matrixCounts.push_back(array.size());
+    }
+    std::vector<int const*> lists;
+    std::vector<size_t> lengths;
+    for (VtIntArray const& list : _lists) {
+        lists.push_back(list.cdata());
+        lengths.push_back(list.size());
     }
     trz_instancer desc = {};
     desc.struct_size = sizeof(desc);
-    desc.instance_count = instances.size();
-    desc.prototype_count = 1;
+    desc.prototype_count = lists.size();
+    desc.lists = lists.data();
+    desc.list_counts = lengths.data();
     desc.positions = positions.View();
     desc.orientations = orientations.View();
     desc.scales = scales.View();
     desc.velocities = velocities.View();
     desc.accelerations = accelerations.View();
     desc.angular_velocities = turns.View();
-    if (matrices.type == TRZ_NUMBERS_FLOAT64) {
-        desc.matrices = {matrices.times.data(), matrices.times.size(), matrixValues.data(),
-                         matrices.counts.data()};
-        desc.matrices_turn = _matricesTurn;
-    }
-    if (!velocities.times.empty() || !accelerations.times.empty() || !turns.times.empty()) {
+    desc.matrices = {matrices.times.data(), matrices.times.size(), matrixValues.data(),
+                     matrixCounts.data()};
+    desc.matrices_turn = _matricesTurn;
+    if (!velocities.IsEmpty() || !accelerations.IsEmpty() || !turns.IsEmpty()) {
         desc.time_codes_per_second = param.TimeCodesPerSecond();
     }
-    param.Edit(trz_instancer_set(param.Session(), group, &desc), id);
-    for (auto const& [name, primvar] : _primvars) {
-        if (_IsBuiltin(name)) {
-            continue;
-        }
-        HdTrapezeSelection const values(primvar.samples, instances, 0, primvar.elementSize);
-        trz_primvar var = {};
-        var.struct_size = sizeof(var);
-        var.interpolation = TRZ_INTERPOLATION_VERTEX;
-        var.type = values.type;
-        var.role = primvar.role == HdPrimvarRoleTokens->color ? TRZ_ROLE_COLOR : TRZ_ROLE_NONE;
-        var.width = values.width;
-        var.element_size = primvar.elementSize;
-        var.unauthored_index = -1;
-        var.times = values.times.data();
-        var.sample_count = values.times.size();
-        var.values = values.values.data();
-        var.value_counts = values.counts.data();
-        param.Edit(trz_prim_set_primvar(param.Session(), group, name.GetText(),
-                                        values.times.empty() ? nullptr : &var),
-                   id);
-    }
-}
-
-void HdTrapezeInstancer::_Link(trz_id part, trz_id group, HdTrapezeRenderParam& param) {
-    trz_id& now = _links[part];
-    if (now != group) {
-        now = group;
-        param.Edit(trz_prim_set_instancer(param.Session(), part, group, 0), GetId());
-    }
-}
-
-void HdTrapezeInstancer::CommitParts(HdTrapezeRenderParam& param) {
-    for (auto const& [path, part] : _parts) {
-        trz_id const group = _groups[part.instances].id;
-        if (part.prim) {
-            _Link(part.prim, group, param);
-        } else {
-            for (auto const& [instances, inner] : part.child->_groups) {
-                _Link(inner.id, group, param);
-            }
-        }
-    }
+    param.Edit(trz_instancer_set(param.Session(), _id, &desc), GetId());
 }
 
 PXR_NAMESPACE_CLOSE_SCOPE

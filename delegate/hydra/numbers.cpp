@@ -1,7 +1,5 @@
 #include "numbers.h"
 
-#include "hdtrapeze.h"
-
 #include "pxr/base/gf/half.h"
 #include "pxr/base/gf/matrix3d.h"
 #include "pxr/base/gf/matrix3f.h"
@@ -22,7 +20,6 @@
 #include "pxr/base/gf/vec4f.h"
 #include "pxr/base/gf/vec4h.h"
 #include "pxr/base/gf/vec4i.h"
-#include "pxr/base/vt/array.h"
 
 #include <type_traits>
 
@@ -70,6 +67,23 @@ template <class N, class... T> bool _ViewAny(VtValue const& value, HdTrapezeNumb
     return (_View<T, N>(value, out) || ...);
 }
 
+template <class N> std::vector<float> _Convert(HdTrapezeNumbers const& numbers) {
+    auto const* data = static_cast<N const*>(numbers.data);
+    return std::vector<float>(data, data + numbers.count * numbers.width);
+}
+
+// Real numbers as floats; others are none.
+std::vector<float> _Floats(HdTrapezeNumbers const& numbers) {
+    switch (numbers.type) {
+    case TRZ_NUMBERS_FLOAT64:
+        return _Convert<double>(numbers);
+    case TRZ_NUMBERS_FLOAT16:
+        return _Convert<GfHalf>(numbers);
+    default:
+        return {};
+    }
+}
+
 } // namespace
 
 bool HdTrapezeNumbers::View(VtValue const& value, HdTrapezeNumbers* out) {
@@ -84,27 +98,34 @@ bool HdTrapezeNumbers::View(VtValue const& value, HdTrapezeNumbers* out) {
            _View<uint64_t, uint64_t>(value, out);
 }
 
-std::vector<float> HdTrapezeFloats(VtValue const& value, uint32_t width) {
-    HdTrapezeNumbers numbers;
-    if (!HdTrapezeNumbers::View(value, &numbers) || numbers.width != width) {
-        return {};
-    }
-    size_t const count = numbers.count * width;
-    switch (numbers.type) {
-    case TRZ_NUMBERS_FLOAT32: {
-        auto const* data = static_cast<float const*>(numbers.data);
-        return std::vector<float>(data, data + count);
-    }
-    case TRZ_NUMBERS_FLOAT64: {
-        auto const* data = static_cast<double const*>(numbers.data);
-        return std::vector<float>(data, data + count);
-    }
-    case TRZ_NUMBERS_FLOAT16: {
-        auto const* data = static_cast<GfHalf const*>(numbers.data);
-        return std::vector<float>(data, data + count);
-    }
-    default:
-        return {};
+HdTrapezeFloatSamples::HdTrapezeFloatSamples(HdTrapezeSamples<VtValue> const& samples,
+                                             uint32_t width, VtIntArray const& indices) {
+    for (size_t i = 0; i < samples.values.size(); ++i) {
+        HdTrapezeNumbers numbers;
+        if (!HdTrapezeNumbers::View(samples.values[i], &numbers) || numbers.width != width) {
+            continue;
+        }
+        auto const* floats = static_cast<float const*>(numbers.data);
+        size_t count = numbers.count;
+        if (numbers.type != TRZ_NUMBERS_FLOAT32) {
+            _converted.push_back(_Floats(numbers));
+            floats = _converted.back().data();
+        }
+        if (!indices.empty()) {
+            std::vector<float> chosen;
+            for (int index : indices) {
+                if (index >= 0 && static_cast<size_t>(index) < count) {
+                    chosen.insert(chosen.end(), floats + index * width,
+                                  floats + (index + 1) * width);
+                }
+            }
+            count = chosen.size() / width;
+            _converted.push_back(std::move(chosen));
+            floats = _converted.back().data();
+        }
+        _times.push_back(samples.times[i]);
+        _values.push_back(floats);
+        _counts.push_back(count);
     }
 }
 

@@ -1,11 +1,16 @@
 #ifndef HDTRAPEZE_NUMBERS_H
 #define HDTRAPEZE_NUMBERS_H
 
+#include "hdtrapeze.h"
+#include "samples.h"
+
+#include "pxr/base/vt/array.h"
 #include "pxr/base/vt/value.h"
 #include "pxr/pxr.h"
 
 #include <cstddef>
 #include <cstdint>
+#include <list>
 #include <vector>
 
 PXR_NAMESPACE_OPEN_SCOPE
@@ -26,9 +31,27 @@ struct HdTrapezeNumbers {
     static bool View(VtValue const& value, HdTrapezeNumbers* out);
 };
 
-/// Elements of `width` numbers of the value as floats, in one flat array; empty where it holds
-/// others.
-std::vector<float> HdTrapezeFloats(VtValue const& value, uint32_t width);
+/// Arrays of floats at several times, as the C ABI takes them. Points into the values, which must
+/// outlive it, where they are floats.
+class HdTrapezeFloatSamples final {
+public:
+    /// Elements of `width` numbers; samples that hold something else are left out. With indices,
+    /// the elements that they name; those that are none leave fewer: the renderer says so.
+    HdTrapezeFloatSamples(HdTrapezeSamples<VtValue> const& samples, uint32_t width,
+                          VtIntArray const& indices = {});
+
+    trz_float_samples View() const {
+        return {_times.data(), _times.size(), _values.data(), _counts.data()};
+    }
+
+    bool IsEmpty() const { return _times.empty(); }
+
+private:
+    std::vector<double> _times;
+    std::vector<float const*> _values;
+    std::vector<size_t> _counts;
+    std::list<std::vector<float>> _converted;
+};
 
 PXR_NAMESPACE_CLOSE_SCOPE
 

@@ -3,7 +3,6 @@
 #include "instancer.h"
 #include "numbers.h"
 #include "samples.h"
-#include "selection.h"
 
 #include "pxr/imaging/hd/sceneDelegate.h"
 #include "pxr/imaging/hd/tokens.h"
@@ -11,48 +10,6 @@
 PXR_NAMESPACE_OPEN_SCOPE
 
 namespace {
-
-// Float triples at several times, as the C ABI takes them. Samples that hold something else are
-// left out.
-struct _Triples {
-    std::vector<double> times;
-    std::vector<float const*> values;
-    std::vector<size_t> counts;
-    std::vector<std::vector<float>> converted;
-
-    // Those of the indices, where there are any.
-    _Triples(HdTrapezeSamples<VtValue> const& samples, VtIntArray const& indices) {
-        if (!indices.empty()) {
-            HdTrapezeSelection const selection(samples, indices, 3);
-            times = selection.times;
-            counts = selection.counts;
-            converted = selection.Floats();
-            for (auto const& floats : converted) {
-                values.push_back(floats.data());
-            }
-            return;
-        }
-        converted.reserve(samples.values.size());
-        for (size_t i = 0; i < samples.values.size(); ++i) {
-            HdTrapezeNumbers numbers;
-            if (!HdTrapezeNumbers::View(samples.values[i], &numbers) || numbers.width != 3) {
-                continue;
-            }
-            float const* data = static_cast<float const*>(numbers.data);
-            if (numbers.type != TRZ_NUMBERS_FLOAT32) {
-                converted.push_back(HdTrapezeFloats(samples.values[i], 3));
-                data = converted.back().data();
-            }
-            times.push_back(samples.times[i]);
-            values.push_back(data);
-            counts.push_back(numbers.count);
-        }
-    }
-
-    trz_float_samples View() const {
-        return {times.data(), times.size(), values.data(), counts.data()};
-    }
-};
 
 // Of a computed primvar, its description.
 bool _FindComputed(HdSceneDelegate* delegate, SdfPath const& id, TfToken const& name,
@@ -86,6 +43,10 @@ HdTrapezeMotion::HdTrapezeMotion(SdfPath const& id, HdSceneDelegate* delegate) {
     sampleCount = given <= 0 || (given == 3 && !listed) ? 0 : static_cast<uint32_t>(given);
 }
 
+void HdTrapezeMotion::Send(SdfPath const& id, trz_id prim, HdTrapezeRenderParam& param) const {
+    param.Edit(trz_prim_set_motion(param.Session(), prim, blurScale, sampleCount), id);
+}
+
 bool HdTrapezePrim::Sync(HdRprim const& rprim, HdSceneDelegate* delegate,
                          HdTrapezeRenderParam& param, HdDirtyBits bits) {
     SdfPath const& id = rprim.GetId();
@@ -103,7 +64,10 @@ bool HdTrapezePrim::Sync(HdRprim const& rprim, HdSceneDelegate* delegate,
     }
     bool const primvars = created || (bits & HdChangeTracker::DirtyPrimvar);
     if (primvars) {
-        _SyncMotion(id, delegate, param);
+        HdTrapezeMotion const motion(id, delegate);
+        // Samples are needed around the scaled shutter, too.
+        _reach = motion.blurScale > 1.0 ? motion.blurScale : 1.0;
+        motion.Send(id, _id, param);
     }
     if (created || HdChangeTracker::IsTransformDirty(bits, id)) {
         _SyncTransform(id, delegate, param);
@@ -128,7 +92,7 @@ bool HdTrapezePrim::Sync(HdRprim const& rprim, HdSceneDelegate* delegate,
         _SyncPoints(id, delegate, param);
     }
     if (primvars || (bits & (HdChangeTracker::DirtyNormals | HdChangeTracker::DirtyWidths))) {
-        _primvars.Sync(id, _id, _indices, delegate, param);
+        _primvars.Sync(HdTrapezePrimvars::Of::Prim, id, _id, _indices, delegate, param);
     }
     return true;
 }
@@ -168,14 +132,6 @@ void HdTrapezePrim::_SyncTransform(SdfPath const& id, HdSceneDelegate* delegate,
     param.Edit(trz_prim_set_transform(param.Session(), _id, &level, samples.LevelCount()), id);
 }
 
-void HdTrapezePrim::_SyncMotion(SdfPath const& id, HdSceneDelegate* delegate,
-                                HdTrapezeRenderParam& param) {
-    HdTrapezeMotion const motion(id, delegate);
-    // Samples are needed around the scaled shutter, too.
-    _reach = motion.blurScale > 1.0 ? motion.blurScale : 1.0;
-    param.Edit(trz_prim_set_motion(param.Session(), _id, motion.blurScale, motion.sampleCount), id);
-}
-
 void HdTrapezePrim::_SyncPoints(SdfPath const& id, HdSceneDelegate* delegate,
                                 HdTrapezeRenderParam& param) {
     GfInterval const shutter = Shutter(param);
@@ -192,18 +148,19 @@ void HdTrapezePrim::_SyncPoints(SdfPath const& id, HdSceneDelegate* delegate,
             accelerations = HdTrapezeSamplePrimvar(delegate, id, HdTokens->accelerations, shutter);
         }
     }
-    _Triples const p(points, _indices);
-    _Triples const v(velocities, _indices);
-    _Triples const a(accelerations, _indices);
+    HdTrapezeFloatSamples const p(points, 3, _indices);
+    HdTrapezeFloatSamples const v(velocities, 3, _indices);
+    HdTrapezeFloatSamples const a(accelerations, 3, _indices);
+    trz_float_samples const view = p.View();
     trz_points desc = {};
     desc.struct_size = sizeof(desc);
-    desc.times = p.times.data();
-    desc.sample_count = p.times.size();
-    desc.points = p.values.data();
-    desc.counts = p.counts.data();
+    desc.times = view.times;
+    desc.sample_count = view.sample_count;
+    desc.points = view.values;
+    desc.counts = view.counts;
     desc.velocities = v.View();
     desc.accelerations = a.View();
-    if (!v.times.empty() || !a.times.empty()) {
+    if (!v.IsEmpty() || !a.IsEmpty()) {
         desc.time_codes_per_second = param.TimeCodesPerSecond();
     }
     param.Edit(trz_prim_set_points(param.Session(), _id, &desc), id);
@@ -224,7 +181,7 @@ void HdTrapezePrim::_SyncInstancer(HdRprim const& rprim, HdSceneDelegate* delega
     }
     HdTrapezeInstancer* const instancer = param.FindInstancer(now);
     if (instancer) {
-        instancer->SetPrimPart(id, _id, delegate->GetInstanceIndices(now, id));
+        instancer->SetPart(id, _id, delegate->GetInstanceIndices(now, id));
     }
     bool const lost = !now.IsEmpty() && !instancer;
     if (lost && !_lost) {

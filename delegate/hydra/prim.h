@@ -23,6 +23,8 @@ struct HdTrapezeMotion {
     bool operator!=(HdTrapezeMotion const& other) const {
         return blurScale != other.blurScale || sampleCount != other.sampleCount;
     }
+
+    void Send(SdfPath const& id, trz_id prim, HdTrapezeRenderParam& param) const;
 };
 
 /// A geometry prim of the session, and what all kinds of Rprims have in common: place, motion,
@@ -66,7 +68,6 @@ public:
 private:
     void _SyncTransform(SdfPath const& id, HdSceneDelegate* delegate, HdTrapezeRenderParam& param);
     void _SyncPoints(SdfPath const& id, HdSceneDelegate* delegate, HdTrapezeRenderParam& param);
-    void _SyncMotion(SdfPath const& id, HdSceneDelegate* delegate, HdTrapezeRenderParam& param);
     void _SyncInstancer(HdRprim const& rprim, HdSceneDelegate* delegate,
                         HdTrapezeRenderParam& param);
 

@@ -304,15 +304,8 @@ void HdTrapezeRenderParam::CommitInstancers() {
             instancers.push_back(instancer);
         }
     }
-    bool changed = false;
     for (HdTrapezeInstancer* instancer : instancers) {
-        changed |= instancer->CommitGroups(*this);
-    }
-    if (!changed) {
-        return;
-    }
-    for (HdTrapezeInstancer* instancer : instancers) {
-        instancer->CommitParts(*this);
+        instancer->Commit(*this);
     }
 }
 

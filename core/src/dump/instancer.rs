@@ -7,8 +7,8 @@ use super::{write_motion, write_transform, write_warnings};
 use crate::motion::Shutter;
 use crate::scene::{InstancerDesc, PrototypeOf, Scene};
 use crate::translate::blur::prim_shutter;
-use crate::translate::instancer::Instancer;
 use crate::translate::instancer::primvars::primvar_counts;
+use crate::translate::instancer::{Instancer, instance_count};
 use crate::translate::primvar::resolve;
 
 /// Instances of a prototype that are printed; of more, the number.
@@ -26,7 +26,7 @@ pub(super) fn write(page: &mut Page, desc: &InstancerDesc, scene: &Scene, shutte
         let instancer = Instancer::new(desc, None, shutter, &mut warnings);
         let own = prim_shutter(&desc.path, desc.blur_scale, shutter, &mut Vec::new());
         write_transform(page, &desc.transform, own);
-        let counts = primvar_counts(desc.arrays.instance_count);
+        let counts = primvar_counts(instance_count(&desc.arrays));
         for (name, primvar) in &desc.primvars {
             let path = &desc.path;
             let resolved = resolve(path, name, primvar, &counts, own, &mut warnings);

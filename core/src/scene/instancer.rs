@@ -25,10 +25,13 @@ pub type PrototypeOf = (PrimId, u32);
 /// (no samples) has no effect.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct InstanceArrays {
-    /// Number of instances.
+    /// Number of instances; with [`Self::lists`], 0 is as many as have a position or a matrix.
     pub instance_count: usize,
     /// Prototype number of each; empty: all are of prototype 0.
     pub prototypes: Vec<i32>,
+    /// In place of `prototypes`, the instances of each prototype, as Hydra has them. Then instanceId shows
+    /// places in these lists, and flat numbers of nested instancers count their lengths.
+    pub lists: Vec<Vec<i32>>,
     /// Number of prototypes: instances of others are left out with a warning. 0: it is not known.
     pub prototype_count: usize,
     /// 0 for instances that are not there (invisibleIds, inactiveIds); empty: all are.

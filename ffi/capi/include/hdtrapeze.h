@@ -867,6 +867,12 @@ typedef struct trz_instancer {
   double time_codes_per_second;
   // How matrices are interpolated; see turns of trz_transform_samples.
   uint32_t matrices_turn;
+  // In place of prototypes, prototype_count lists of the instances of each, as Hydra has them, or NULL.
+  // Then instanceId shows places in these lists, flat numbers of nested instancers count their lengths,
+  // and instance_count may be 0: as many as have a position or a matrix.
+  const int32_t *const *lists;
+  // Length of each list. Ignored where lists is NULL.
+  const size_t *list_counts;
 } trz_instancer;
 
 // A value of a setting.

@@ -6,8 +6,7 @@
 //!
 //! Layers: `constants` and `types` are what the header shows; `session`, `scene`, `instancer`, `path`,
 //! `words`, `setting`, `render`, `view` and `output` hold the exported functions; `input` reads what callers
-//! pass, `convert` translates it,
-//! `fault` carries failures and catches panics.
+//! pass, `convert` translates it, `fault` carries failures and catches panics.
 //!
 //! From Rust the same functions can be called directly; what the header demands of pointers is
 //! their safety contract.

@@ -309,6 +309,12 @@ pub struct trz_instancer {
     pub time_codes_per_second: f64,
     /// How matrices are interpolated; see turns of trz_transform_samples.
     pub matrices_turn: u32,
+    /// In place of prototypes, prototype_count lists of the instances of each, as Hydra has them, or NULL.
+    /// Then instanceId shows places in these lists, flat numbers of nested instancers count their lengths,
+    /// and instance_count may be 0: as many as have a position or a matrix.
+    pub lists: *const *const i32,
+    /// Length of each list. Ignored where lists is NULL.
+    pub list_counts: *const usize,
 }
 
 /// Basis, wrap and counts of curves. The primvar widths gives their diameters (1 where there is none),

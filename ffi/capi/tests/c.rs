@@ -95,7 +95,8 @@ fn all_layouts() -> Layouts {
         trz_instancer {
             struct_size, instance_count, prototype_count, prototypes, prototype_index_count, mask,
             mask_count, ids, id_count, positions, orientations, scales, matrices, velocities,
-            accelerations, angular_velocities, time_codes_per_second, matrices_turn,
+            accelerations, angular_velocities, time_codes_per_second, matrices_turn, lists,
+            list_counts,
         }
         trz_curves { struct_size, basis, wrap, form, vertex_counts, curve_count }
         trz_implicit { struct_size, kind, axis, orientation, times, sizes, sample_count }

@@ -89,8 +89,20 @@ impl Arrays {
         shutter: Shutter,
         warn: &mut impl FnMut(Code, String),
     ) -> Option<Self> {
-        let count = from.instance_count;
+        let count = instance_count(from);
+        let listed = from.lists.iter().flatten().max();
         if count == 0 {
+            if listed.is_some() {
+                let text = "it has no positions; it is not rendered";
+                warn(Code::Topology, text.to_owned());
+            }
+            return None;
+        }
+        if let Some(needed) = listed.and_then(|&last| usize::try_from(last).ok()?.checked_add(1))
+            && needed > count
+        {
+            let text = format!("{count} positions for {needed} instances; they are not rendered");
+            warn(Code::Topology, text);
             return None;
         }
         let mut out = Self {
@@ -132,7 +144,7 @@ impl Arrays {
         out.scales = track(&from.scales, count, held, shutter, &mut changes);
         out.matrices = track(&from.matrices, count, held, shutter, &mut changes);
         if changes && !held && !shutter.is_still() {
-            let text = "the number of instances changes within the shutter; they do not move";
+            let text = "the number of instances changes around the shutter; they do not move";
             warn(Code::TimeSamples, text.to_owned());
         }
         let moves = |track: &Track<DMat4>| track.key_times(shutter.is_still()).len() > 1;
@@ -313,6 +325,14 @@ impl Arrays {
             true => ids[i],
             false => i as i32,
         }
+    }
+}
+
+/// Number of instances: as told, or as many as have a place.
+pub fn instance_count(from: &InstanceArrays) -> usize {
+    match (from.instance_count, from.lists.is_empty()) {
+        (0, false) => length(&from.positions).max(length(&from.matrices)),
+        (count, _) => count,
     }
 }
 

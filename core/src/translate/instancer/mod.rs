@@ -30,6 +30,7 @@ use crate::scene::InstancerDesc;
 use crate::translate::blur::prim_shutter;
 use crate::translate::primvar::Resolved;
 use arrays::Arrays;
+pub use arrays::instance_count;
 use moment::{Moment, State};
 pub use placements::{Moments, Placements};
 
@@ -41,8 +42,8 @@ pub struct Instancer {
     arrays: Arrays,
     hierarchy: Hierarchy,
     parent: Option<(Arc<Instancer>, u32)>,
-    /// Instances that are there, ascending, by prototype.
-    members: BTreeMap<u32, Vec<u32>>,
+    /// Instances that are there, by prototype.
+    members: BTreeMap<u32, Members>,
     /// Those that are asked for and can be used, by name.
     primvars: BTreeMap<String, Arc<Resolved>>,
 }
@@ -79,9 +80,18 @@ impl Instancer {
         }
     }
 
-    /// Instances of a prototype that are there, ascending.
+    /// Instances of a prototype that are there, in the order of the arrays, or of the host's list.
     pub fn members(&self, prototype: u32) -> &[u32] {
-        self.members.get(&prototype).map_or(&[], Vec::as_slice)
+        &self.members_of(prototype).instances
+    }
+
+    fn members_of(&self, prototype: u32) -> &Members {
+        static NONE: Members = Members {
+            instances: Vec::new(),
+            places: Vec::new(),
+            of: 0,
+        };
+        self.members.get(&prototype).unwrap_or(&NONE)
     }
 
     /// How often a part of a prototype appears, nesting counted; at most `u64::MAX`.
@@ -116,8 +126,31 @@ impl Instancer {
     }
 }
 
+/// Instances of a prototype that are there.
+#[derive(Debug, Default)]
+struct Members {
+    /// Which of the arrays' values are theirs.
+    instances: Vec<u32>,
+    /// What ids number, of each: its place in the host's list. Empty: its index in the arrays.
+    places: Vec<u32>,
+    /// How many numbers there are for ids.
+    of: usize,
+}
+
+impl Members {
+    /// The number that ids show of one of them.
+    fn number(&self, member: usize) -> usize {
+        let numbers = if self.places.is_empty() {
+            &self.instances
+        } else {
+            &self.places
+        };
+        numbers[member] as usize
+    }
+}
+
 /// Sorts instances by prototype; what is masked or cannot be placed is left out.
-fn members(arrays: &Arrays, warn: &mut impl FnMut(Code, String)) -> BTreeMap<u32, Vec<u32>> {
+fn members(arrays: &Arrays, warn: &mut impl FnMut(Code, String)) -> BTreeMap<u32, Members> {
     let (prototypes, mask) = (&arrays.given.prototypes, arrays.mask());
     let moments: Vec<Moment<'_>> = arrays.key_times.iter().map(|&t| arrays.at(t)).collect();
     let state = |i: usize| {
@@ -149,6 +182,7 @@ fn members(arrays: &Arrays, warn: &mut impl FnMut(Code, String)) -> BTreeMap<u32
         None => Some(0),
     };
     let mut counts: BTreeMap<u32, usize> = BTreeMap::new();
+    let lists = &arrays.given.lists;
     for (i, state) in states.iter().enumerate() {
         match (state, prototype(i)) {
             (State::Masked, _) => {}
@@ -175,18 +209,46 @@ fn members(arrays: &Arrays, warn: &mut impl FnMut(Code, String)) -> BTreeMap<u32
         let text = format!("{flat} of {of} instances are scaled to nothing; left out");
         warn(Code::NotFinite, text);
     }
-    let mut members: BTreeMap<u32, Vec<u32>> = counts
+    if !lists.is_empty() {
+        let lists = (0..).zip(lists);
+        return lists.map(|(p, list)| (p, listed(list, &states))).collect();
+    }
+    let mut members: BTreeMap<u32, Members> = counts
         .into_iter()
-        .map(|(p, n)| (p, Vec::with_capacity(n)))
+        .map(|(p, n)| {
+            let members = Members {
+                instances: Vec::with_capacity(n),
+                places: Vec::new(),
+                of: arrays.count,
+            };
+            (p, members)
+        })
         .collect();
     for (i, state) in states.iter().enumerate() {
         if let (State::Placed, Some(p)) = (state, prototype(i))
-            && let Some(list) = members.get_mut(&p)
+            && let Some(members) = members.get_mut(&p)
         {
-            list.push(i as u32);
+            members.instances.push(i as u32);
         }
     }
     members
+}
+
+/// Those of a prototype's list that are placed.
+fn listed(list: &[i32], states: &[State]) -> Members {
+    let placed = |&i: &i32| {
+        let i = usize::try_from(i).ok()?;
+        (*states.get(i)? == State::Placed).then_some(i as u32)
+    };
+    let each = (0..)
+        .zip(list)
+        .filter_map(|(place, i)| Some((placed(i)?, place)));
+    let (instances, places) = each.unzip();
+    Members {
+        instances,
+        places,
+        of: list.len(),
+    }
 }
 
 #[cfg(test)]

@@ -7,8 +7,8 @@ use std::sync::Arc;
 
 use glam::DAffine3;
 
-use super::Instancer;
 use super::moment::Moment;
+use super::{Instancer, Members};
 use crate::motion::{Hierarchy, keys};
 
 /// One instancer of a chain.
@@ -19,8 +19,13 @@ pub(super) struct Link {
 }
 
 impl Link {
-    fn members(&self) -> &[u32] {
-        self.instancer.members(self.prototype)
+    pub(super) fn members(&self) -> &Members {
+        self.instancer.members_of(self.prototype)
+    }
+
+    /// How many instances of it there are.
+    fn len(&self) -> u64 {
+        self.members().instances.len() as u64
     }
 }
 
@@ -68,9 +73,9 @@ impl Placements {
 
     /// How many there are, at most `u64::MAX`.
     pub fn count(&self) -> u64 {
-        self.links.iter().fold(1u64, |n, link| {
-            n.saturating_mul(link.members().len() as u64)
-        })
+        self.links
+            .iter()
+            .fold(1u64, |n, link| n.saturating_mul(link.len()))
     }
 
     /// Times, in [0, 1] across the shutter, between which every array and every level goes its own way
@@ -103,8 +108,9 @@ impl Placements {
     /// Degrees that a placement spins by over the shutter, whatever its keys show of it.
     pub fn spin(&self, number: u64) -> f64 {
         let mut spin = 0.0;
-        self.digits(number, |link, i| {
-            spin += link.instancer.arrays.spin(i);
+        self.digits(number, |link, member| {
+            let i = link.members().instances[member];
+            spin += link.instancer.arrays.spin(i as usize);
         });
         spin
     }
@@ -114,12 +120,11 @@ impl Placements {
     pub fn id(&self, number: u64) -> i32 {
         let mut flat = 0u64;
         let mut own = 0;
-        self.digits(number, |link, i| {
-            let arrays = &link.instancer.arrays;
-            flat = flat
-                .wrapping_mul(arrays.count as u64)
-                .wrapping_add(i as u64);
-            own = arrays.id(i);
+        self.digits(number, |link, member| {
+            let members = link.members();
+            let i = members.number(member);
+            flat = flat.wrapping_mul(members.of as u64).wrapping_add(i as u64);
+            own = link.instancer.arrays.id(i);
         });
         match self.links.len() {
             1 => own,
@@ -147,14 +152,13 @@ impl Placements {
         Moments { of: self, instants }
     }
 
-    /// Calls `f` with each link, outermost first, and the instance of it.
+    /// Calls `f` with each link, outermost first, and which of its members it is.
     pub(super) fn digits(&self, number: u64, mut f: impl FnMut(&Link, usize)) {
         let mut rest = number;
         let mut below: u64 = self.count();
         for link in &self.links {
-            let members = link.members();
-            below /= members.len() as u64;
-            f(link, members[(rest / below) as usize] as usize);
+            below /= link.len();
+            f(link, (rest / below) as usize);
             rest %= below;
         }
     }
@@ -189,7 +193,7 @@ impl Walker<'_> {
         let Some((inner, outer)) = self.of.of.links.split_last() else {
             return &self.matrices;
         };
-        let members = inner.members();
+        let members = &inner.members().instances;
         let width = members.len() as u64;
         let instants = &self.of.instants;
         if self.above_of != Some(number / width) {
@@ -211,11 +215,11 @@ impl Walker<'_> {
 impl Instant<'_> {
     /// The product of everything above the innermost instancer's arrays: its own matrix included.
     fn above(&self, outer: &[Link], number: u64) -> DAffine3 {
-        let mut below: u64 = outer.iter().map(|l| l.members().len() as u64).product();
+        let mut below: u64 = outer.iter().map(Link::len).product();
         let mut rest = number;
         let mut product = DAffine3::IDENTITY;
         for (link, (moment, own)) in outer.iter().zip(&self.links) {
-            let members = link.members();
+            let members = &link.members().instances;
             below /= members.len() as u64;
             let i = members[(rest / below) as usize] as usize;
             rest %= below;

@@ -7,6 +7,7 @@
 
 use std::sync::Arc;
 
+use super::placements::Link;
 use super::{Instancer, Placements};
 use crate::diagnostics::Warning;
 use crate::motion::Shutter;
@@ -43,7 +44,7 @@ impl Instancer {
             return;
         }
         let shutter = prim_shutter(&desc.path, desc.blur_scale, shutter, &mut Vec::new());
-        let counts = primvar_counts(desc.arrays.instance_count);
+        let counts = primvar_counts(self.arrays.count);
         for (name, primvar) in &desc.primvars {
             let path = &desc.path;
             let shaded = SHADED.iter().find(|(shaded, _)| shaded == name);
@@ -75,15 +76,19 @@ impl Placements {
 
     /// True where [`Placements::id`] is the instance's own index in the one instancer.
     pub fn ids_are_indices(&self) -> bool {
-        matches!(&self.links[..], [link] if link.instancer.arrays.given.ids.is_empty())
+        let plain = |link: &Link| {
+            let given = &link.instancer.arrays.given;
+            given.ids.is_empty() && given.lists.is_empty()
+        };
+        matches!(&self.links[..], [link] if plain(link))
     }
 
     /// The index of an instancer's instance that a placement is in.
     pub fn instance_of(&self, number: u64, link: usize) -> u32 {
         let (mut at, mut found) = (0, 0);
-        self.digits(number, |_, i| {
+        self.digits(number, |of, member| {
             if at == link {
-                found = i as u32;
+                found = of.members().instances[member];
             }
             at += 1;
         });

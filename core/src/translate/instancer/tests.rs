@@ -360,6 +360,65 @@ fn nested_instancers_multiply_outermost_first() {
     assert_eq!(placements.key_times(), [0.0]);
 }
 
+/// Prototypes as Hydra has them: what ids show are places in the lists.
+fn listed() -> InstanceArrays {
+    InstanceArrays {
+        instance_count: 0,
+        lists: vec![vec![2, 0], vec![1]],
+        ..three()
+    }
+}
+
+#[test]
+fn lists_choose_members_and_number_them() {
+    let (i, warnings) = resolve(listed());
+    assert!(warnings.is_empty(), "{warnings:?}");
+    assert_eq!((i.members(0), i.members(1)), (&[2, 0][..], &[1][..]));
+    assert_near(i.instance(2, 0.0), DAffine3::from_translation(DVec3::Z));
+    let placements = Placements::new(Arc::new(i), 0, Hierarchy::default());
+    assert_eq!([placements.id(0), placements.id(1)], [0, 1]);
+    assert_eq!(placements.instance_of(0, 0), 2, "primvars are by instance");
+    assert!(!placements.ids_are_indices());
+    let first = placements.matrix(0, 0.0);
+    assert_near(first, DAffine3::from_translation(DVec3::Z));
+
+    let mut arrays = listed();
+    arrays.positions = still(&[Vec3::X, Vec3::Y, Vec3::NAN]);
+    let (i, warnings) = resolve(arrays);
+    assert_eq!((i.members(0), warnings.len()), (&[0][..], 1));
+    let placements = Placements::new(Arc::new(i), 0, Hierarchy::default());
+    assert_eq!(placements.id(0), 1, "its place in the list stays");
+}
+
+#[test]
+fn nested_lists_count_their_own_lengths() {
+    let (outer, _) = resolve(listed());
+    let inner = desc(listed());
+    let inner = Instancer::new(&inner, Some((Arc::new(outer), 0)), SHUTTER, &mut Vec::new());
+    let placements = Placements::new(Arc::new(inner), 0, Hierarchy::default());
+    let ids: Vec<i32> = (0..4).map(|n| placements.id(n)).collect();
+    assert_eq!(ids, [0, 1, 2, 3]);
+    let expected = DAffine3::from_translation(DVec3::new(1.0, 0.0, 1.0));
+    assert_near(placements.matrix(1, 0.0), expected);
+}
+
+#[test]
+fn lists_without_places_draw_nothing() {
+    let mut arrays = listed();
+    arrays.positions = Samples::default();
+    arrays.scales = still(&[Vec3::ONE; 3]);
+    let (i, warnings) = resolve(arrays);
+    assert!(i.members(0).is_empty());
+    assert_eq!(warnings.len(), 1);
+    assert!(warnings[0].text.contains("no positions"), "{warnings:?}");
+
+    let mut arrays = listed();
+    arrays.positions = still(&[Vec3::X, Vec3::Y]);
+    let (i, warnings) = resolve(arrays);
+    assert!(i.members(1).is_empty());
+    assert!(warnings[0].text.contains("2 positions for 3 instances"));
+}
+
 #[test]
 fn ids_are_for_single_instancers() {
     let mut arrays = three();

@@ -17,7 +17,12 @@ pub(crate) unsafe fn instancer(from: &trz_instancer) -> Result<InstanceArrays, F
         let prototypes = slice(from.prototypes, from.prototype_index_count, "prototypes")?;
         let mask = slice(from.mask, from.mask_count, "mask")?;
         let ids = slice(from.ids, from.id_count, "ids")?;
+        let lists = match from.lists.is_null() {
+            true => Vec::new(),
+            false => lists(from.lists, from.list_counts, from.prototype_count)?,
+        };
         Ok(InstanceArrays {
+            lists,
             instance_count: from.instance_count,
             prototypes: copied(prototypes, |&p| p)?,
             prototype_count: from.prototype_count,
@@ -35,6 +40,20 @@ pub(crate) unsafe fn instancer(from: &trz_instancer) -> Result<InstanceArrays, F
             angular_velocities: samples(&from.angular_velocities, "angular_velocities", vec3)?,
             time_codes_per_second: from.time_codes_per_second,
         })
+    }
+}
+
+unsafe fn lists(
+    first: *const *const i32,
+    counts: *const usize,
+    count: usize,
+) -> Result<Vec<Vec<i32>>, Fault> {
+    // SAFETY: as the caller promises.
+    unsafe {
+        let counts = slice(counts, count, "list_counts")?;
+        let each = slice(first, count, "lists")?.iter().zip(counts).enumerate();
+        each.map(|(k, (&list, &count))| copied(slice(list, count, &format!("lists[{k}]"))?, |&i| i))
+            .collect()
     }
 }
 

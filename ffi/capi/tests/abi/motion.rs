@@ -155,3 +155,34 @@ fn matrices_of_instances_turn_between_samples_where_asked_to() {
         assert_eq!(left_edge(&session, 0.5), x, "{matrices_turn}");
     }
 }
+
+#[test]
+fn lists_of_instances_are_prototypes() {
+    let (session, square) = square();
+    let instancer = session.instancer("/instancer");
+    let places: [f32; 9] = [3.0, 0.0, 0.0, 2.0, 0.0, 0.0, -1.0, 0.0, 0.0];
+    let lists = [[2].as_ptr(), [1, 0].as_ptr()];
+    let desc = trz_instancer {
+        prototype_count: 2,
+        lists: lists.as_ptr(),
+        list_counts: [1, 2].as_ptr(),
+        positions: trz_float_samples {
+            times: &0.0,
+            sample_count: 1,
+            values: &places.as_ptr(),
+            counts: &3,
+        },
+        ..no_instances()
+    };
+    for (prototype, x) in [(0, -1.0), (1, 2.0)] {
+        // SAFETY: pointers to live values.
+        unsafe {
+            ok(trz_instancer_set(session.0, instancer, &desc));
+            ok(trz_prim_set_instancer(
+                session.0, square, instancer, prototype,
+            ));
+        }
+        ok(session.commit());
+        assert_eq!(left_edge(&session, 0.0), x, "{prototype}");
+    }
+}

@@ -222,6 +222,16 @@ fn null_arguments() {
         },
         ..no_instances()
     };
+    let no_list = trz_instancer {
+        prototype_count: 1,
+        lists: &null(),
+        list_counts: &1,
+        ..no_instances()
+    };
+    let no_list_counts = trz_instancer {
+        list_counts: null(),
+        ..no_list
+    };
     let no_matrices = trz_instancer {
         matrices: trz_matrix_samples {
             times: &0.0,
@@ -397,6 +407,8 @@ fn null_arguments() {
         trz_instancer_set(s, instancer, &instances);
         trz_instancer_set(s, instancer, &no_arrays);
         trz_instancer_set(s, instancer, &no_matrices);
+        trz_instancer_set(s, instancer, &no_list);
+        trz_instancer_set(s, instancer, &no_list_counts);
         trz_session_set_settings(s, null());
         trz_session_set_aovs(s, null(), 1);
         trz_session_set_aovs(s, no_name.as_ptr(), 1);
