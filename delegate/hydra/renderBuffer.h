@@ -30,32 +30,25 @@ public:
               GfVec2i const& origin);
 
     /// Ends Bind: from now on it keeps what it has. Before the session goes.
-    void Unbind();
-
-    void Sync(HdSceneDelegate* delegate, HdRenderParam* renderParam,
-              HdDirtyBits* dirtyBits) override;
     void Finalize(HdRenderParam* renderParam) override;
     bool Allocate(GfVec3i const& dimensions, HdFormat format, bool multiSampled) override;
-    unsigned int GetWidth() const override { return _width; }
-    unsigned int GetHeight() const override { return _height; }
+    unsigned int GetWidth() const override { return _shown.width; }
+    unsigned int GetHeight() const override { return _shown.height; }
     unsigned int GetDepth() const override { return 1; }
     HdFormat GetFormat() const override { return _format; }
     bool IsMultiSampled() const override { return false; }
     void* Map() override;
-    void Unmap() override;
+    void Unmap() override { --_mapped; }
     bool IsMapped() const override { return _mapped > 0; }
     void Resolve() override;
     bool IsConverged() const override;
 
 private:
     void _Deallocate() override;
-    void _Clear();
     void _Update();
 
     mutable std::mutex _mutex;
     std::vector<char> _data;
-    unsigned int _width = 0;
-    unsigned int _height = 0;
     HdFormat _format = HdFormatInvalid;
     std::atomic<int> _mapped{0};
 
@@ -63,10 +56,8 @@ private:
     std::string _aov;
     VtValue _clear;
     GfVec2i _origin{0, 0};
-    // What _data shows: the render, the samples of it, whether that was all.
-    uint64_t _generation = 0;
-    uint32_t _samples = 0;
-    bool _complete = false;
+    // The buffer as the library sees it.
+    trz_buffer _shown = {};
 };
 
 PXR_NAMESPACE_CLOSE_SCOPE

@@ -12,6 +12,7 @@
 mod ahead;
 mod aov;
 pub mod backend;
+pub mod buffer;
 pub mod edit;
 mod engine;
 pub mod error;

@@ -167,6 +167,10 @@ impl RenderLoop {
         Ok(())
     }
 
+    pub(crate) fn session(&self) -> &Session {
+        &self.inner.session
+    }
+
     /// How far it is.
     pub fn progress(&self) -> LoopProgress {
         let state = self.inner.lock();

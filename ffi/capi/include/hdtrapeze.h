@@ -371,6 +371,21 @@
 // 32-bit signed integer components.
 #define TRZ_FORMAT_INT32 1
 
+// 32-bit floats.
+#define TRZ_COMPONENT_FLOAT32 0
+
+// 16-bit floats.
+#define TRZ_COMPONENT_FLOAT16 1
+
+// 32-bit signed integers.
+#define TRZ_COMPONENT_INT32 2
+
+// Bytes, 255 for 1.
+#define TRZ_COMPONENT_UNORM8 3
+
+// Signed bytes, 127 for 1.
+#define TRZ_COMPONENT_SNORM8 4
+
 // OpenEXR, one layer an AOV.
 #define TRZ_IMAGE_EXR 0
 
@@ -1160,6 +1175,43 @@ typedef struct trz_product {
   size_t var_count;
 } trz_product;
 
+// A host's own buffer for an AOV, and what it shows. A host sets what it is like, and all fields below
+// to 0 whenever that, the data or the AOV is another.
+typedef struct trz_buffer {
+  // sizeof(trz_buffer).
+  uint32_t struct_size;
+  // Pixels across.
+  uint32_t width;
+  // Pixels down.
+  uint32_t height;
+  // TRZ_COMPONENT_*.
+  uint32_t component;
+  // Components a pixel, 1 to 4. Those that the AOV lacks are 0, but for the fourth beside three: 1.
+  uint32_t components;
+  // 1: rows are from the bottom up; 0: from the top down.
+  uint32_t bottom_up;
+  // The image's pixel that the buffer's top left is, x right and y down.
+  int32_t origin[2];
+  // clear_count numbers of clear_type: what is shown where nothing was rendered, and behind color.
+  const void *clear;
+  // TRZ_NUMBERS_FLOAT32, TRZ_NUMBERS_FLOAT64 or TRZ_NUMBERS_INT32.
+  uint32_t clear_type;
+  // Numbers of the clear value; 0: all is 0.
+  uint32_t clear_count;
+  // The pixels, rows without gaps.
+  void *data;
+  // Size of data.
+  size_t bytes;
+  // The library's: 1 where data was filled, if only with the clear value.
+  uint32_t filled;
+  // The library's: samples that are shown.
+  uint32_t samples;
+  // The library's: view_readable of what is shown.
+  uint64_t render;
+  // The library's: 1 where the render that is shown had ended.
+  uint32_t ended;
+} trz_buffer;
+
 // Size and type of an AOV. It covers the image and the data window; what was not rendered of them
 // is background.
 typedef struct trz_aov_desc {
@@ -1765,6 +1817,17 @@ trz_result trz_view_stop(struct trz_session *session,
 //
 // Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_POISONED. Threads: any.
 trz_result trz_view_resume(struct trz_session *session);
+
+// Fills a host's buffer with an AOV of what trz_view_render has rendered, where that is more than the
+// buffer shows: converted, at the buffer's place, over its clear value. What is rendered anew is shown as
+// soon as every pixel has a sample, and until then what was there.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_BUFFER_TOO_SMALL,
+// TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_POISONED. Threads: any, also while rendering; one at a time for a
+// buffer.
+trz_result trz_view_show(struct trz_session *session,
+                         const char *aov,
+                         struct trz_buffer *buffer);
 
 // Fills out, whose struct_size the caller has set, with the size and type of an AOV of the last
 // render that was started.

@@ -259,6 +259,17 @@ pub const TRZ_FORMAT_FLOAT32: u32 = 0;
 /// 32-bit signed integer components.
 pub const TRZ_FORMAT_INT32: u32 = 1;
 
+/// 32-bit floats.
+pub const TRZ_COMPONENT_FLOAT32: u32 = 0;
+/// 16-bit floats.
+pub const TRZ_COMPONENT_FLOAT16: u32 = 1;
+/// 32-bit signed integers.
+pub const TRZ_COMPONENT_INT32: u32 = 2;
+/// Bytes, 255 for 1.
+pub const TRZ_COMPONENT_UNORM8: u32 = 3;
+/// Signed bytes, 127 for 1.
+pub const TRZ_COMPONENT_SNORM8: u32 = 4;
+
 /// OpenEXR, one layer an AOV.
 pub const TRZ_IMAGE_EXR: u32 = 0;
 /// PNG, 8 bits a channel, one AOV.

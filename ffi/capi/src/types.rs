@@ -695,6 +695,45 @@ pub struct trz_product {
     pub var_count: usize,
 }
 
+/// A host's own buffer for an AOV, and what it shows. A host sets what it is like, and all fields below
+/// to 0 whenever that, the data or the AOV is another.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct trz_buffer {
+    /// sizeof(trz_buffer).
+    pub struct_size: u32,
+    /// Pixels across.
+    pub width: u32,
+    /// Pixels down.
+    pub height: u32,
+    /// TRZ_COMPONENT_*.
+    pub component: u32,
+    /// Components a pixel, 1 to 4. Those that the AOV lacks are 0, but for the fourth beside three: 1.
+    pub components: u32,
+    /// 1: rows are from the bottom up; 0: from the top down.
+    pub bottom_up: u32,
+    /// The image's pixel that the buffer's top left is, x right and y down.
+    pub origin: [i32; 2],
+    /// clear_count numbers of clear_type: what is shown where nothing was rendered, and behind color.
+    pub clear: *const c_void,
+    /// TRZ_NUMBERS_FLOAT32, TRZ_NUMBERS_FLOAT64 or TRZ_NUMBERS_INT32.
+    pub clear_type: u32,
+    /// Numbers of the clear value; 0: all is 0.
+    pub clear_count: u32,
+    /// The pixels, rows without gaps.
+    pub data: *mut c_void,
+    /// Size of data.
+    pub bytes: usize,
+    /// The library's: 1 where data was filled, if only with the clear value.
+    pub filled: u32,
+    /// The library's: samples that are shown.
+    pub samples: u32,
+    /// The library's: view_readable of what is shown.
+    pub render: u64,
+    /// The library's: 1 where the render that is shown had ended.
+    pub ended: u32,
+}
+
 /// How far a render is.
 #[repr(C)]
 #[derive(Clone, Copy)]

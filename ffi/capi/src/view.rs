@@ -1,5 +1,10 @@
 //! Views for hosts that wait for nothing, and the files of render products: `trz_view_*`.
 
+use std::ffi::c_char;
+use std::slice;
+
+use hdtrapeze_delegate::buffer::Shown;
+
 use crate::fault::with_handle;
 use crate::types::*;
 use crate::{convert, input};
@@ -57,4 +62,42 @@ pub unsafe extern "C" fn trz_view_stop(session: *mut trz_session, wait: u32) -> 
 pub unsafe extern "C" fn trz_view_resume(session: *mut trz_session) -> trz_result {
     // SAFETY: the caller passes null or a live session.
     unsafe { with_handle(session, |handle| Ok(handle.render_loop.resume()?)) }
+}
+
+/// Fills a host's buffer with an AOV of what trz_view_render has rendered, where that is more than the
+/// buffer shows: converted, at the buffer's place, over its clear value. What is rendered anew is shown as
+/// soon as every pixel has a sample, and until then what was there.
+///
+/// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_BUFFER_TOO_SMALL,
+/// TRZ_ERROR_OUT_OF_MEMORY, TRZ_ERROR_POISONED. Threads: any, also while rendering; one at a time for a
+/// buffer.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trz_view_show(
+    session: *mut trz_session,
+    aov: *const c_char,
+    buffer: *mut trz_buffer,
+) -> trz_result {
+    // SAFETY: the caller passes null or valid pointers.
+    unsafe {
+        with_handle(session, |handle| {
+            let aov = input::text(aov, "aov")?;
+            let mut to = input::read(buffer.cast_const(), "buffer")?;
+            let (layout, bytes) = convert::buffer(&to)?;
+            input::check_slice(to.data.cast::<u8>().cast_const(), bytes, "data")?;
+            let data = match bytes {
+                0 => &mut [],
+                some => slice::from_raw_parts_mut(to.data.cast::<u8>(), some),
+            };
+            let shown = Shown {
+                filled: input::flag(to.filled, "filled")?,
+                render: to.render,
+                samples: to.samples,
+                ended: input::flag(to.ended, "ended")?,
+            };
+            let now = handle.render_loop.show(aov, &layout, data, shown)?;
+            (to.filled, to.ended) = (now.filled.into(), now.ended.into());
+            (to.render, to.samples) = (now.render, now.samples);
+            input::write(buffer, to, "buffer")
+        })
+    }
 }

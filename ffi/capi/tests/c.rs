@@ -137,6 +137,10 @@ fn all_layouts() -> Layouts {
             struct_size, pixel_aspect, path, r#type, name, camera, camera_path, camera_aspect, resolution,
             data_window, conform, settings, vars, var_count,
         }
+        trz_buffer {
+            struct_size, width, height, component, components, bottom_up, origin, clear, clear_type,
+            clear_count, data, bytes, filled, samples, render, ended,
+        }
         trz_progress {
             struct_size, state, fraction, samples_done, samples_total, seconds, seconds_left, edits,
             camera_edits, view_starts, view_readable, view_converged, view_stopped,

@@ -2,13 +2,14 @@
 
 use hdtrapeze_core::scene::{PrimId, RenderSettings};
 use hdtrapeze_delegate::Session;
+use hdtrapeze_delegate::buffer::{Component, Layout};
 use hdtrapeze_delegate::plan::{Product, Request};
 use hdtrapeze_delegate::render_loop::View;
 
-use super::{exr, render_vars};
+use super::{exr, pick, refuse, render_vars};
 use crate::constants::*;
 use crate::fault::Fault;
-use crate::input::{read, text, text_or_empty, texts};
+use crate::input::{flag, read, slice, text, text_or_empty, texts};
 use crate::types::*;
 
 /// Safety: pointers are null or as the header says.
@@ -79,4 +80,50 @@ unsafe fn settings(
         from.backend = TRZ_BACKEND_AUTO;
     }
     Ok((super::settings(&from)?, from))
+}
+
+/// What a buffer is like, and its size in bytes, which its data has.
+/// Safety: the clear value is null or as the header says.
+pub(crate) unsafe fn buffer(from: &trz_buffer) -> Result<(Layout, usize), Fault> {
+    let components = [
+        Component::Float32,
+        Component::Float16,
+        Component::Int32,
+        Component::Unorm8,
+        Component::Snorm8,
+    ];
+    if !(1..=4).contains(&from.components) {
+        return refuse("components", from.components, "are not 1 to 4");
+    }
+    let (first, count) = (from.clear, from.clear_count as usize);
+    // SAFETY: as the caller promises.
+    let clear = unsafe {
+        match from.clear_type {
+            _ if count == 0 => Vec::new(),
+            TRZ_NUMBERS_FLOAT32 => doubles(slice::<f32>(first.cast(), count, "clear")?),
+            TRZ_NUMBERS_FLOAT64 => doubles(slice::<f64>(first.cast(), count, "clear")?),
+            TRZ_NUMBERS_INT32 => doubles(slice::<i32>(first.cast(), count, "clear")?),
+            other => return refuse("clear_type", other, "is not known"),
+        }
+    };
+    let layout = Layout {
+        width: from.width,
+        height: from.height,
+        components: from.components as usize,
+        component: pick(&components, from.component, "component")?,
+        bottom_up: flag(from.bottom_up, "bottom_up")?,
+        origin: from.origin,
+        clear,
+    };
+    match layout.bytes().filter(|&bytes| bytes <= from.bytes) {
+        Some(bytes) => Ok((layout, bytes)),
+        None => Err(Fault::new(
+            TRZ_ERROR_BUFFER_TOO_SMALL,
+            format!("{} bytes do not hold all pixels", from.bytes),
+        )),
+    }
+}
+
+fn doubles<T: Copy + Into<f64>>(values: &[T]) -> Vec<f64> {
+    values.iter().map(|&value| value.into()).collect()
 }

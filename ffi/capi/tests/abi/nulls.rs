@@ -64,6 +64,7 @@ fn null_session() {
         trz_render_pause(s, 0);
         trz_render_progress(s, null_mut());
         trz_view_render(s, null(), null(), 0);
+        trz_view_show(s, c"color".as_ptr(), null_mut());
         trz_view_stop(s, 0);
         trz_view_resume(s);
         trz_statistics_get(s, null_mut());
@@ -107,6 +108,11 @@ fn null_arguments() {
     let settings = settings_default();
     let unnamed = product(null(), &settings);
     let unnamed = &raw const unnamed;
+    let mut bytes = [0; 4];
+    let mut no_data = buffer(&mut bytes);
+    no_data.data = null_mut();
+    let mut no_clear = buffer(&mut bytes);
+    no_clear.clear_count = 1;
     let mut bad_topology = topology();
     bad_topology.face_count = 1;
     let size = |bytes: usize| bytes as u32;
@@ -339,6 +345,10 @@ fn null_arguments() {
         trz_session_create(null_mut());
         trz_camera_default(null_mut());
         trz_settings_default(null_mut());
+        trz_view_show(s, null(), &mut buffer(&mut [0; 4]));
+        trz_view_show(s, name, null_mut());
+        trz_view_show(s, name, &mut no_data);
+        trz_view_show(s, name, &mut no_clear);
         trz_setting_describe(0, null_mut());
         trz_settings_set(null_mut(), name, &NO_VALUE);
         trz_settings_set(&mut settings_default(), null(), &NO_VALUE);

@@ -438,6 +438,28 @@ pub fn view(settings: &trz_settings, aovs: &[*const c_char]) -> trz_view {
     }
 }
 
+/// A buffer of one row of pixels with a byte each.
+pub fn buffer(data: &mut [u8]) -> trz_buffer {
+    trz_buffer {
+        struct_size: size_of::<trz_buffer>() as u32,
+        width: data.len() as u32,
+        height: 1,
+        component: TRZ_COMPONENT_UNORM8,
+        components: 1,
+        bottom_up: 0,
+        origin: [0, 0],
+        clear: null(),
+        clear_type: TRZ_NUMBERS_FLOAT32,
+        clear_count: 0,
+        data: data.as_mut_ptr().cast(),
+        bytes: data.len(),
+        filled: 0,
+        samples: 0,
+        render: 0,
+        ended: 0,
+    }
+}
+
 /// A product without name, camera and vars, of 16 x 8 pixels.
 pub fn product(path: *const c_char, settings: &trz_settings) -> trz_product {
     trz_product {

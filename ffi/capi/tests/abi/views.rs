@@ -340,3 +340,71 @@ fn a_backend_that_is_not_there_is_replaced() {
         .filter(|told| told.3.ends_with("; the backend auto is used"));
     assert_eq!(auto.count(), usize::from(!has_gpu), "{told:?}");
 }
+
+fn show(session: &Session, buffer: &mut trz_buffer) -> trz_result {
+    // SAFETY: pointers to live values.
+    unsafe { trz_view_show(session.0, c"depth".as_ptr(), buffer) }
+}
+
+#[test]
+fn a_buffer_shows_what_is_new() {
+    let (session, camera) = scene();
+    let (mut data, clear) = ([9; 32], [0.2f64]);
+    let mut to = trz_buffer {
+        clear: clear.as_ptr().cast(),
+        clear_type: TRZ_NUMBERS_FLOAT64,
+        clear_count: 1,
+        ..buffer(&mut data)
+    };
+    ok(show(&session, &mut to));
+    assert_eq!((data, to.filled, to.render), ([51; 32], 1, 0));
+    let settings = small_settings(2);
+    let depth = [c"depth".as_ptr()];
+    let view = trz_view {
+        camera,
+        ..view(&settings, &depth)
+    };
+    ok(render(&session, &view, &[]));
+    converge(&session);
+    ok(show(&session, &mut to));
+    assert_eq!((to.render, to.samples, to.ended), (1, 2, 1));
+    // What it shows already is not written again.
+    assert_ne!(data, [51; 32]);
+    data.fill(9);
+    ok(show(&session, &mut to));
+    assert_eq!(data, [9; 32]);
+    to.render = 0;
+    ok(show(&session, &mut to));
+    assert_ne!(data, [9; 32]);
+    for wrong in [
+        trz_buffer {
+            components: 5,
+            ..to
+        },
+        trz_buffer {
+            components: 0,
+            ..to
+        },
+        trz_buffer { component: 5, ..to },
+        trz_buffer { bottom_up: 2, ..to },
+        trz_buffer { filled: 2, ..to },
+        trz_buffer {
+            clear_type: 77,
+            ..to
+        },
+    ] {
+        fails(show(&session, &mut { wrong }), TRZ_ERROR_INVALID_ARGUMENT);
+    }
+    for small in [
+        trz_buffer { bytes: 31, ..to },
+        trz_buffer { height: 2, ..to },
+        trz_buffer {
+            width: u32::MAX,
+            height: u32::MAX,
+            components: 4,
+            ..to
+        },
+    ] {
+        fails(show(&session, &mut { small }), TRZ_ERROR_BUFFER_TOO_SMALL);
+    }
+}
