@@ -917,26 +917,6 @@ typedef struct trz_setting {
   struct trz_value fallback;
 } trz_setting;
 
-// A path that the host can evaluate at any time, as far as it has: of a transform, of points, or of
-// several transforms that are to have the same samples.
-typedef struct trz_path {
-  // sizeof(trz_path).
-  uint32_t struct_size;
-  // TRZ_PATH_*.
-  uint32_t of;
-  // known_count times at which it has been evaluated, none twice.
-  const double *times;
-  // The first so many of the times, ascending, are those where the path may have corners, its ends
-  // included; the others are what trz_path_next asked for. At least 1.
-  size_t start_count;
-  // Number of times.
-  size_t known_count;
-  // known_count arrays of element_count matrices or points.
-  const double *const *values;
-  // Matrices or points at each time.
-  size_t element_count;
-} trz_path;
-
 // Settings of a render.
 typedef struct trz_settings {
   // sizeof(trz_settings).
@@ -1010,6 +990,26 @@ typedef struct trz_settings {
   // which prims with velocities need. A render does not.
   double time_codes_per_second;
 } trz_settings;
+
+// A path that the host can evaluate at any time, as far as it has: of a transform, of points, or of
+// several transforms that are to have the same samples.
+typedef struct trz_path {
+  // sizeof(trz_path).
+  uint32_t struct_size;
+  // TRZ_PATH_*.
+  uint32_t of;
+  // known_count times at which it has been evaluated, none twice.
+  const double *times;
+  // The first so many of the times, ascending, are those where the path may have corners, its ends
+  // included; the others are what trz_path_next asked for. At least 1.
+  size_t start_count;
+  // Number of times.
+  size_t known_count;
+  // known_count arrays of element_count matrices or points.
+  const double *const *values;
+  // Matrices or points at each time.
+  size_t element_count;
+} trz_path;
 
 // How far a render is.
 typedef struct trz_progress {
