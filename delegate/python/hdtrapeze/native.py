@@ -157,9 +157,9 @@ def check(result: int) -> None:
     raise NativeError(result, name, message)
 
 
-def next_on_path(kind: str, times: list, start: int, values: list) -> tuple[list, bytes]:
+def next_on_path(kind: str, times: list, start: int, values: list) -> tuple[list, list[bool]]:
     """Where a path that is known at `times`, the first `start` of them its corners, is to be evaluated
-    next; nothing where it is known well enough: then a byte a time tells which are kept.
+    next; nothing where it is known well enough: then which of them are kept.
 
     `values` are contiguous arrays of doubles, of whichever shape; `kind` is a TRZ_PATH_ name.
     """
@@ -175,4 +175,4 @@ def next_on_path(kind: str, times: list, start: int, values: list) -> tuple[list
     keep = ffi.new("uint8_t[]", len(times))
     check(lib().trz_path_next(path, missing, len(missing), count, keep))
     del at, arrays  # until here, the struct points to them
-    return ffi.unpack(missing, count[0]) if count[0] else [], bytes(ffi.buffer(keep))
+    return ffi.unpack(missing, count[0]) if count[0] else [], [byte != 0 for byte in keep]
