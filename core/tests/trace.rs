@@ -2,10 +2,15 @@
 
 mod trace_scenes;
 
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
 use glam::{DVec3, Vec3};
 use hdtrapeze_core::grid::DicedMesh;
+use hdtrapeze_core::trace::places::Shift;
+use hdtrapeze_core::trace::world::WorldError;
 use hdtrapeze_core::trace::{
-    Hit, InstanceTransform, Ray, TraceCounts, World, WorldInstance, brute,
+    Hit, InstanceSet, InstanceTransform, Ray, TraceCounts, World, WorldInstance, WorldSet, brute,
 };
 use hdtrapeze_simd::Level;
 use trace_scenes::*;
@@ -484,4 +489,21 @@ fn empty_and_broken_input_misses() {
     assert_eq!(world.stats().left_out, 3);
     // Singular at 1/2: nothing panics.
     assert!(!world.trace(&r, &mut counts).is_hit());
+}
+
+#[test]
+fn a_world_that_nobody_wants_any_more_is_not_built() {
+    let sheet = object(sheet(1, 2, &keys(1)));
+    let set = |cancelled: bool| {
+        let shift = |i: i32| Shift::new(DVec3::X * f64::from(i), DVec3::ZERO, i);
+        let set = InstanceSet::translated(Arc::clone(&sheet), (0..20_000).map(shift).collect());
+        let set = WorldSet {
+            set: Arc::new(set),
+            user: 0,
+            culled: None,
+        };
+        World::new(vec![set], DVec3::ZERO, &AtomicBool::new(cancelled))
+    };
+    assert_eq!(set(true).err(), Some(WorldError::Cancelled));
+    assert_eq!(set(false).map(|world| world.instance_count()), Ok(20_000));
 }

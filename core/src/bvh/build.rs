@@ -12,6 +12,8 @@
 //! The result does not depend on the number of threads: parallel work only joins minima, maxima and
 //! counts, and subtrees are appended in child order.
 
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use glam::Vec3;
 use hdtrapeze_simd::Level;
 use rayon::prelude::*;
@@ -25,6 +27,9 @@ use super::{Bounds8, Frame, LinearBox, Node};
 
 /// Ranges larger than this are split, and their children built, in parallel.
 pub const PARALLEL_ITEMS: usize = 4096;
+/// For builds that nobody cancels.
+pub static NEVER: AtomicBool = AtomicBool::new(false);
+
 /// A tree of 8-wide nodes over items that are known by number.
 #[derive(Clone, Debug)]
 pub struct Tree<B> {
@@ -66,7 +71,7 @@ pub fn build<B: Bounds8>(boxes: impl IntoIterator<Item = (u32, LinearBox)>) -> T
         id,
         along: Vec3::ZERO,
     });
-    build_items(items.collect(), Nodes::Cheap, None)
+    build_items(items.collect(), Nodes::Cheap, &NEVER)
 }
 
 /// What matters where ranges become small.
@@ -78,24 +83,22 @@ pub enum Nodes {
     Full,
 }
 
-/// Builds the tree over `items`; with `strands`, which bounds those that have a direction, ranges are turned
-/// where that pays.
-pub fn build_items<B: Bounds8>(
-    items: Vec<Item>,
-    kind: Nodes,
-    strands: Option<&Strands<'_>>,
-) -> Tree<B> {
+/// Builds the tree over `items`, all in the space that they are given in. Once `cancel` is raised it ends soon, with
+/// a tree that is of no use.
+pub fn build_items<B: Bounds8>(items: Vec<Item>, kind: Nodes, cancel: &AtomicBool) -> Tree<B> {
     let sorted = items.par_iter().map(Sorted::of).collect();
     drop(items);
-    build_sorted(sorted, vec![Frame::IDENTITY], kind, strands)
+    build_sorted(sorted, vec![Frame::IDENTITY], kind, None, cancel)
 }
 
-/// Builds the tree over `items`, as [`build_items`]; its frames come after those given.
+/// Builds the tree over `items`, as [`build_items`]; its frames come after those given. With `strands`, which bounds
+/// items that have a direction, ranges are turned where that pays.
 pub fn build_sorted<B: Bounds8>(
     mut items: Vec<Sorted<B::Hull>>,
     frames: Vec<Frame>,
     kind: Nodes,
     strands: Option<&Strands<'_>>,
+    cancel: &AtomicBool,
 ) -> Tree<B> {
     let mut tree = Tree {
         nodes: Vec::new(),
@@ -105,6 +108,7 @@ pub fn build_sorted<B: Bounds8>(
     let below = Below {
         kind,
         strands,
+        cancel,
         level: Level::best(),
         depth: 0,
         frame: 0,
@@ -127,6 +131,7 @@ pub fn build_sorted<B: Bounds8>(
 struct Below<'a> {
     kind: Nodes,
     strands: Option<&'a Strands<'a>>,
+    cancel: &'a AtomicBool,
     level: Level,
     depth: usize,
     /// Number of the frame of boxes, and so of nodes.
@@ -274,6 +279,7 @@ impl<B> Tree<B> {
 
 fn build_child<B: Bounds8>(tree: &mut Tree<B>, range: Range<'_, B::Hull>, below: Below<'_>) -> u32 {
     match range.items {
+        [item, ..] if below.cancel.load(Ordering::Relaxed) => Tree::<B>::LEAF | item.id,
         [item] => Tree::<B>::LEAF | item.id,
         items => build_node(tree, items, Some(range.extent), below),
     }
@@ -345,7 +351,7 @@ mod tests {
                 along: Vec3::ZERO,
             };
             let tree: Tree<StaticSlabs> =
-                build_items((0..n).map(item).collect(), Nodes::Full, None);
+                build_items((0..n).map(item).collect(), Nodes::Full, &NEVER);
             let least = (n as usize - 1).div_ceil(7);
             assert!(
                 tree.nodes.len() <= least + least / 3 + 1,

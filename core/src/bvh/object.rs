@@ -6,7 +6,7 @@ use hdtrapeze_simd::Level;
 use rayon::prelude::*;
 
 use super::block::Block;
-use super::build::{Nodes, PARALLEL_ITEMS, Tree, build_sorted};
+use super::build::{NEVER, Nodes, PARALLEL_ITEMS, Tree, build_sorted};
 use super::gather::{Gathered, Part, gather, joined};
 use super::node::magnitude;
 use super::orient::Strands;
@@ -224,7 +224,13 @@ pub(super) fn build_blocks<B: Bounds8>(mesh: DicedMesh, full: bool) -> Blocks<B>
         mesh: &mesh,
         level: Level::best(),
     };
-    let tree: Tree<B> = build_sorted(items, frames, nodes, (strips > 0).then_some(&strands));
+    let tree: Tree<B> = build_sorted(
+        items,
+        frames,
+        nodes,
+        (strips > 0).then_some(&strands),
+        &NEVER,
+    );
     // Oriented bounds, and bounds as packed, may reach farther than any vertex: they are part of the radius.
     let reach_of = |nodes: &[Node<B>]| {
         let reaches = nodes.iter().map(|n| n.bounds.reach());

@@ -20,6 +20,7 @@ use crate::effects::{EffectPlan, TimePlan};
 use crate::motion::Shutter;
 use crate::scene::{CameraDesc, Cull, Geometry, PrimDesc, PrimId, RenderSettings, Scene};
 use crate::surface::SubdivisionFactory;
+use crate::trace::world::WorldError;
 use crate::trace::{Culled, Side, Winding, World, WorldSet};
 use crate::translate::instancer::Instancer;
 use crate::translate::points::Bends;
@@ -292,7 +293,7 @@ pub fn prepare_with(
     }
     let primvar_aovs = primvar_aovs::assign(&view.primvar_aovs, &mut prims, &mut warnings);
     aovs.extend(primvar_aovs.iter().cloned().map(Aov::Primvar));
-    let (world, sets) = place(&prims, &view.camera, &mut statistics)?;
+    let (world, sets) = place(&prims, &view.camera, cancel, &mut statistics)?;
     drop(places);
     let View {
         camera,
@@ -510,6 +511,7 @@ fn culled_side(cull: Cull, prim: &PrimDesc) -> Option<Side> {
 fn place(
     prims: &[PreparedPrim],
     camera: &Camera,
+    cancel: &AtomicBool,
     statistics: &mut PrepareStatistics,
 ) -> Result<(World, Vec<SetEntry>), PrepareError> {
     let start = Instant::now();
@@ -556,8 +558,10 @@ fn place(
             });
         }
     }
-    let world = World::new(sets, camera.origin())
-        .map_err(|error| PrepareError::OutOfMemory(error.to_string()))?;
+    let world = World::new(sets, camera.origin(), cancel).map_err(|error| match error {
+        WorldError::OutOfMemory(_) => PrepareError::OutOfMemory(error.to_string()),
+        WorldError::Cancelled => PrepareError::Cancelled,
+    })?;
     statistics.instances = world.instance_count() as u64 - parts;
     let stats = world.stats();
     statistics.bvh_bytes += stats.top_bytes;

@@ -9,6 +9,7 @@ use super::parts::Parts;
 use super::places::{InstanceSet, Places};
 use super::world::{World, WorldError, WorldSet};
 use crate::bvh::ObjectGeometry;
+use crate::bvh::build::NEVER;
 
 /// What a piece takes of one set.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -60,7 +61,7 @@ impl Parts<'_> {
                 culled: whole.culled.clone(),
             });
         }
-        let world = World::new(sets, self.world().origin())?;
+        let world = World::new(sets, self.world().origin(), &NEVER)?;
         Ok(Piece { world, numbers })
     }
 }

@@ -1,6 +1,7 @@
 //! The world: instances of objects under one tree, and the queries that a renderer asks of it.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use glam::{DAffine3, DVec3, Vec3};
 use hdtrapeze_simd::Level;
@@ -9,7 +10,7 @@ use rayon::prelude::*;
 use super::instance::{Bounded, InstanceTransform};
 use super::places::{InstanceSet, Record, Shift};
 use super::sides::Culled;
-use crate::bvh::build::{Item, Nodes, build_items};
+use crate::bvh::build::{Item, NEVER, Nodes, build_items};
 use crate::bvh::{BvhStats, LinearBox, LinearSlabs, ObjectGeometry, StaticSlabs, Tree};
 
 /// One appearance of an object.
@@ -85,10 +86,16 @@ pub struct World {
     pub(super) level: Level,
 }
 
-/// Why a world cannot be built.
+/// Why a world is not built.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("no memory for {0} instances")]
-pub struct WorldError(pub u64);
+pub enum WorldError {
+    /// There is no memory for so many instances.
+    #[error("no memory for {0} instances")]
+    OutOfMemory(u64),
+    /// Asked to stop.
+    #[error("cancelled")]
+    Cancelled,
+}
 
 /// Numbers about a world.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -141,17 +148,21 @@ impl World {
             }
         };
         let sets = instances.into_iter().map(set).collect();
-        Self::new(sets, world_origin).expect("memory for the instances")
+        Self::new(sets, world_origin, &NEVER).expect("memory for the instances")
     }
 
     /// Builds the tree over all instances, in parallel. Rays and answers are relative to
     /// `world_origin`, which is best near the camera. Instances are numbered set by set.
     ///
     /// # Errors
-    /// More instances than there is memory or numbers for.
-    pub fn new(sets: Vec<WorldSet>, world_origin: DVec3) -> Result<World, WorldError> {
+    /// More instances than there is memory or numbers for, or `cancel` was raised.
+    pub fn new(
+        sets: Vec<WorldSet>,
+        world_origin: DVec3,
+        cancel: &AtomicBool,
+    ) -> Result<World, WorldError> {
         let total: u64 = sets.iter().map(|s| s.set.len() as u64).sum();
-        let error = WorldError(total);
+        let error = WorldError::OutOfMemory(total);
         if total >= u64::from(MOVERS) {
             return Err(error);
         }
@@ -172,6 +183,9 @@ impl World {
             });
         }
         let bounded = |i: usize, scratch: &mut Vec<DAffine3>| {
+            if cancel.load(Ordering::Relaxed) {
+                return None;
+            }
             let set = &numbered[set_of[i] as usize];
             Bounded::new(&set.set, i - set.first as usize, world_origin, scratch)
         };
@@ -208,11 +222,14 @@ impl World {
             items.extend(common(&moving));
         }
         let top = if items.iter().all(|item| item.bounds.is_static()) {
-            TopTree::Static(build_items(items, Nodes::Full, None))
+            TopTree::Static(build_items(items, Nodes::Full, cancel))
         } else {
-            TopTree::Moving(build_items(items, Nodes::Full, None))
+            TopTree::Moving(build_items(items, Nodes::Full, cancel))
         };
-        let movers = build_items(moving, Nodes::Full, None);
+        let movers = build_items(moving, Nodes::Full, cancel);
+        if cancel.load(Ordering::Relaxed) {
+            return Err(WorldError::Cancelled);
+        }
         Ok(World {
             sets: numbered,
             set_of,

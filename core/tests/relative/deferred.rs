@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use hdtrapeze_core::bvh::ObjectGeometry;
+use hdtrapeze_core::bvh::build::NEVER;
 use hdtrapeze_core::trace::places::Shift;
 use hdtrapeze_core::trace::{
     Deferred, Hit, InstanceSet, InstanceTransform, TraceCounts, World, WorldSet,
@@ -44,7 +45,7 @@ fn what_is_made_late_has_the_hits_of_what_was_there() {
             user: 0,
             culled: None,
         });
-        let world = World::new(sets.collect(), DVec3::ZERO).expect("a world");
+        let world = World::new(sets.collect(), DVec3::ZERO, &NEVER).expect("a world");
         (world.with_level(level), deferred)
     };
     let rays = rays(&mut Rng(9), 512, &[0.0, 0.25, 0.5, 1.0]);
