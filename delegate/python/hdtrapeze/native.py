@@ -158,8 +158,8 @@ def check(result: int) -> None:
 
 
 def next_on_path(kind: str, times: list, start: int, values: list) -> tuple[list, list[bool]]:
-    """Where a path that is known at `times`, the first `start` of them its corners, is to be evaluated
-    next; nothing where it is known well enough: then which of them are kept.
+    """Where a path that is known at `times`, the first `start` of them its corners, is to be
+    evaluated next; nothing where it is known well enough: then which of them are kept.
 
     `values` are contiguous arrays of doubles, of whichever shape; `kind` is a TRZ_PATH_ name.
     """

@@ -3,7 +3,8 @@
 A level is the local matrix of one prim; static levels next to each other are folded into one. USD
 interpolates the numbers of the transform ops (an angle, say), so between two authored samples the
 matrix may follow a curve: keys are added, where the renderer asks for them, until straight lines
-between them keep to the curve within TOLERANCE. A point's path is then what the stage says, up to that tolerance.
+between them keep to the curve within TOLERANCE. A point's path is then what the stage says, up to
+that tolerance.
 
 Matrices are USD's: row vectors, row-major, local to parent, f64.
 """
