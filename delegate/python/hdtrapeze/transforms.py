@@ -81,11 +81,14 @@ def _bent_keys(times, evaluate, kind: str) -> tuple[list[float], list[np.ndarray
     """Keys that keep to `evaluate`, as many as the renderer asks for."""
     known: list[float] = []
     values: list[np.ndarray] = []
+    doubles: list[np.ndarray] = []
     missing = list(times)
     while missing:
         known += missing
-        values += [np.ascontiguousarray(evaluate(time), dtype=np.float64) for time in missing]
-        missing, keep = native.next_on_path(kind, known, len(times), values)
+        more = [evaluate(time) for time in missing]
+        values += more
+        doubles += [np.ascontiguousarray(value, dtype=np.float64) for value in more]
+        missing, keep = native.next_on_path(kind, known, len(times), doubles)
     order = sorted(np.flatnonzero(keep), key=known.__getitem__)
     return [known[i] for i in order], [values[i] for i in order]
 
