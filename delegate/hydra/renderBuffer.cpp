@@ -3,6 +3,8 @@
 #include "numbers.h"
 #include "renderParam.h"
 
+#include <new>
+
 PXR_NAMESPACE_OPEN_SCOPE
 
 namespace {
@@ -62,10 +64,21 @@ bool HdTrapezeRenderBuffer::Allocate(GfVec3i const& dimensions, HdFormat format,
                 dimensions[0], dimensions[1], dimensions[2], static_cast<int>(format));
         return false;
     }
+    // Neither number is above 2^31, and no format has 2^6 bytes or more.
+    uint64_t const pixels = uint64_t(dimensions[0]) * uint64_t(dimensions[1]);
+    try {
+        if (pixels > _data.max_size() / HdDataSizeOfFormat(format)) {
+            throw std::bad_alloc();
+        }
+        _data.resize(pixels * HdDataSizeOfFormat(format));
+    } catch (std::bad_alloc const&) {
+        TF_WARN("Trapeze: there is no memory for a render buffer of %d x %d pixels", dimensions[0],
+                dimensions[1]);
+        return false;
+    }
     _format = format;
     _shown.width = dimensions[0];
     _shown.height = dimensions[1];
-    _data.resize(size_t(_shown.width) * _shown.height * HdDataSizeOfFormat(format));
     return true;
 }
 

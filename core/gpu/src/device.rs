@@ -117,16 +117,24 @@ impl Device {
         adapters().into_iter().map(|(_, found)| found).collect()
     }
 
-    /// Opens the best device, be it one of software.
+    /// Opens the best device that opens, be it one of software.
     ///
     /// # Errors
     /// There is none, or it does not open.
     pub fn open() -> Result<Self, GpuError> {
-        let adapters = adapters();
-        let Some((adapter, found)) = adapters.into_iter().next() else {
-            let why = "there is no Vulkan, Metal or DX12 driver with a device";
-            return Err(GpuError::NoDevice(why.to_owned()));
-        };
+        let mut refused = None;
+        for (adapter, found) in adapters() {
+            match Self::open_one(&adapter, found) {
+                Ok(device) => return Ok(device),
+                // The best one's words count.
+                Err(error) => refused = refused.or(Some(error)),
+            }
+        }
+        let why = "there is no Vulkan, Metal or DX12 driver with a device";
+        Err(refused.unwrap_or_else(|| GpuError::NoDevice(why.to_owned())))
+    }
+
+    fn open_one(adapter: &wgpu::Adapter, found: Found) -> Result<Self, GpuError> {
         let limits = adapter.limits();
         let wanted = wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::SUBGROUP;
         let descriptor = wgpu::DeviceDescriptor {

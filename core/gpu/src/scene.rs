@@ -113,7 +113,13 @@ impl GpuScene {
 
     fn planned(maker: &Maker<'_>, parts: &Parts<'_>, most: u64) -> Result<Self, GpuError> {
         let plan = pages::plan(parts, most);
-        let page = |world: &World, numbers: &[(u32, u32)]| maker.page(world, numbers, most);
+        let device = maker.device();
+        let page = |world: &World, numbers: &[(u32, u32)]| {
+            let page = maker.page(world, numbers, most)?;
+            // What was uploaded is kept on the host until it is submitted.
+            device.wait(device.queue.submit([]))?;
+            Ok::<_, GpuError>(page)
+        };
         let pages = if plan.len() == 1 {
             vec![page(parts.world(), &all(parts.world()))?]
         } else {
@@ -124,7 +130,7 @@ impl GpuScene {
             };
             plan.iter().map(piece).collect::<Result<_, _>>()?
         };
-        maker.device().check()?;
+        device.check()?;
         Ok(Self { pages })
     }
 
@@ -144,7 +150,9 @@ impl GpuScene {
 pub(crate) fn traceable(world: &World) -> Result<(), GpuError> {
     let condition = world.condition();
     if condition > LARGEST_CONDITION {
-        let what = format!("instances that are flattened as far as {condition}");
+        // A plane that is flattened n times has a condition of about n times the root of 2.
+        let times = condition * std::f32::consts::FRAC_1_SQRT_2;
+        let what = format!("instances that are flattened some {times:.0} times");
         return Err(GpuError::Unsupported(what));
     }
     if world.parts().sets().any(|set| set.made().is_none()) {
@@ -480,15 +488,18 @@ impl Arrays {
         let first = self.nodes.len() as u32;
         let per_node = units(node_words::<B>());
         let kind = if B::MOVING { MOVES } else { 0 };
-        let reference = |child: u32| match child {
-            EMPTY => EMPTY,
-            leaves if leaves & LEAF != 0 => leaf(leaves & !LEAF),
-            node => kind | (first + node * per_node),
+        // A child is never empty: the last item, which stands for all that move, has the same number.
+        let reference = |child: u32| match child & LEAF {
+            0 => kind | (first + child * per_node),
+            _ => leaf(child & !LEAF),
         };
         for node in &tree.nodes {
             self.node(node, frames, &reference);
         }
-        reference(tree.root)
+        match tree.root {
+            EMPTY => EMPTY,
+            root => reference(root),
+        }
     }
 
     fn node<B: Bounds8>(

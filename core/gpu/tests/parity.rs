@@ -25,6 +25,28 @@ fn agree_on(tracer: &Tracer, world: &World, least_hits: usize) -> Result<(), Fai
     agree(tracer, world, &scene, least_hits)
 }
 
+/// So few of many move that they have a tree of their own.
+fn a_few_that_move(tracer: &Tracer) -> Result<(), Failed> {
+    let sheet = object(sheet(2, 7, &[0.0]));
+    let at = |i: i32| {
+        let by = DVec3::new(0.0, 0.0, -0.1 * f64::from(i));
+        instance(&sheet, InstanceTransform::Translation(by))
+    };
+    let mover = spinning(2, 0.4, DVec3::splat(0.8), DVec3::Z * 0.7);
+    let mut instances: Vec<_> = (0..20).map(at).collect();
+    instances.push(instance(&sheet, mover));
+    let world = World::build(instances, DVec3::ZERO);
+    agree_on(tracer, &world, 300)?;
+    let down = |i: u8| ray(Vec3::Z * 4.0, -Vec3::Z, f32::from(i) / 50.0);
+    let rays: Vec<Ray> = (0..50).map(down).collect();
+    let hits = traced(tracer, &world, &rays, false)?;
+    let seen = hits.iter().filter(|hit| hit.instance == 20).count();
+    match seen > 25 {
+        true => Ok(()),
+        false => Err(format!("what moves is seen by {seen} of 50 rays").into()),
+    }
+}
+
 /// A name, what is traced, the bytes of a page, and how many pages that makes at least.
 type Paged = (&'static str, fn() -> World, u64, usize);
 
@@ -159,6 +181,7 @@ fn main() {
             Box::new(move |tracer| agree_on(tracer, &crowd(moving), 200)),
         );
     }
+    add("a_few_that_move".to_owned(), Box::new(a_few_that_move));
     add(
         "curved_motion".to_owned(),
         Box::new(|tracer| {

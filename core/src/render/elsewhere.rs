@@ -21,7 +21,7 @@ use crate::trace::{Hit, Ray, TraceCounts};
 /// Rays that are traced together, about.
 const RAYS: usize = 1 << 19;
 /// The same where neither rays nor hits come here.
-const FILMED_RAYS: usize = 1 << 21;
+const FILMED_RAYS: usize = 1 << 19;
 
 /// The stages of a sample, in their order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

@@ -48,7 +48,7 @@ struct Hit {
 
 // One object: where its parts are in the buffers of a scene.
 struct Object {
-    // Reference to the root of its tree; see nodes.wgsl.
+    // Reference to the root of its tree; see slabs.wgsl.
     root: u32,
     // First word of its grids in `words`, a GridHeader each.
     grids: u32,

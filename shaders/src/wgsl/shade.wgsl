@@ -76,7 +76,8 @@ fn decoded(bits: u32) -> vec3<f32> {
 fn unit_or_zero(v: vec3<f32>) -> vec3<f32> {
     // Scaled first: squares of small numbers must not vanish.
     let largest = max(abs(v.x), max(abs(v.y), abs(v.z)));
-    if !(largest > 0.0) {
+    // What is below f32's normal numbers may count as zero, or not.
+    if !(largest >= 1.17549435e-38) {
         return vec3<f32>(0.0);
     }
     return normalize(v / largest);

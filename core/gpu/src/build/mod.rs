@@ -314,7 +314,8 @@ impl TreeBuilder {
         most: u64,
     ) -> Result<wgpu::Buffer, GpuError> {
         let device = self.device();
-        let nodes = trees.map(|trees| u64::from(trees.node_count() * trees.forest.node_units()));
+        let nodes =
+            trees.map(|trees| u64::from(trees.node_count()) * u64::from(trees.forest.node_units()));
         let units = u64::from(laid.end) + nodes.sum::<u64>();
         if units >= u64::from(MOVES) {
             return Err(too_much());

@@ -66,7 +66,7 @@ pub fn objects() -> Vec<Traced> {
     ]
 }
 
-fn spinning(n: usize, turn: f64, scale: DVec3, at: DVec3) -> InstanceTransform {
+pub fn spinning(n: usize, turn: f64, scale: DVec3, at: DVec3) -> InstanceTransform {
     let key_times = keys(n);
     let at_key = |&t: &f32| {
         let by = at + DVec3::X * f64::from(t) * 0.4;

@@ -90,20 +90,30 @@ impl Arrays {
         warn: &mut impl FnMut(Code, String),
     ) -> Option<Self> {
         let count = instance_count(from);
-        let listed = from.lists.iter().flatten().max();
+        let listed = from.lists.iter().map(Vec::len).sum::<usize>();
         if count == 0 {
-            if listed.is_some() {
+            if listed > 0 {
                 let text = "it has no positions; it is not rendered";
                 warn(Code::Topology, text.to_owned());
             }
             return None;
         }
-        if let Some(needed) = listed.and_then(|&last| usize::try_from(last).ok()?.checked_add(1))
-            && needed > count
-        {
-            let text = format!("{count} positions for {needed} instances; they are not rendered");
+        let is_there = |&&i: &&i32| usize::try_from(i).is_ok_and(|i| i < count);
+        let without = listed - from.lists.iter().flatten().filter(is_there).count();
+        if without > 0 {
+            let mut all: Vec<i32> = from.lists.iter().flatten().copied().collect();
+            all.sort_unstable();
+            all.dedup();
+            // Where lists name all instances from the first on, it is the positions that are too few.
+            if all.iter().copied().eq(0..all.len() as i32) {
+                let needed = all.len();
+                let text =
+                    format!("{count} positions for {needed} instances; they are not rendered");
+                warn(Code::Topology, text);
+                return None;
+            }
+            let text = format!("{without} of {listed} instances have no place; left out");
             warn(Code::Topology, text);
-            return None;
         }
         let mut out = Self {
             count,

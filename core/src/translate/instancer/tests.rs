@@ -414,9 +414,16 @@ fn lists_without_places_draw_nothing() {
 
     let mut arrays = listed();
     arrays.positions = still(&[Vec3::X, Vec3::Y]);
-    let (i, warnings) = resolve(arrays);
+    let (i, warnings) = resolve(arrays.clone());
     assert!(i.members(1).is_empty());
     assert!(warnings[0].text.contains("2 positions for 3 instances"));
+
+    arrays.lists = vec![vec![2, 0, i32::MAX], vec![1], vec![-1, i32::MIN]];
+    let (i, warnings) = resolve(arrays);
+    assert_eq!((i.members(0), i.members(1)), (&[0][..], &[1][..]));
+    assert!(i.members(2).is_empty());
+    assert_eq!(warnings.len(), 1);
+    assert!(warnings[0].text.contains("4 of 6 instances have no place"));
 }
 
 #[test]
