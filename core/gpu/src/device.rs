@@ -301,7 +301,8 @@ impl Device {
             name: self.found.name.clone(),
             why: "its answers cannot be read".to_owned(),
         };
-        if mapped.try_recv() != Ok(true) {
+        // Another thread that waits for the device may be about to tell.
+        if mapped.recv_timeout(PATIENCE) != Ok(true) {
             return Err(unreadable());
         }
         let view = back.get_mapped_range(..).map_err(|_| unreadable())?;
