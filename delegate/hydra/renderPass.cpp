@@ -217,7 +217,9 @@ HdTrapezeProducts HdTrapezeRenderPass::_Products(HdTrapezeRenderSettings const& 
         SdfPath const& id = product.productPath;
         trz_settings settings = HdTrapezeDefaultSettings();
         prim.Apply(&settings);
-        HdTrapezeReadNamespaced(product.namespacedSettings, id, param).Apply(&settings);
+        HdTrapezeReadNamespaced(HdTrapezeSettingsLayer::Owner::Product, product.namespacedSettings,
+                                id, param)
+            .Apply(&settings);
         _delegate->Settings().Apply(&settings);
         settings.disable_motion_blur |= product.disableMotionBlur ||
                                         HdTrapezeIsInstantaneous(index, id) ||

@@ -28,7 +28,8 @@ void HdTrapezeRenderSettings::_Sync(HdSceneDelegate* delegate, HdRenderParam* re
                                     HdDirtyBits const*) {
     auto& param = *static_cast<HdTrapezeRenderParam*>(renderParam);
     param.AddRenderSettings(GetId(), this);
-    _layer = HdTrapezeReadNamespaced(GetNamespacedSettings(), GetId(), param);
+    using Owner = HdTrapezeSettingsLayer::Owner;
+    _layer = HdTrapezeReadNamespaced(Owner::Settings, GetNamespacedSettings(), GetId(), param);
     RenderProducts const& products = GetRenderProducts();
 #if HD_API_VERSION >= 92
     _disableMotionBlur = GetDisableMotionBlur();
@@ -46,7 +47,8 @@ void HdTrapezeRenderSettings::_Sync(HdSceneDelegate* delegate, HdRenderParam* re
     // Motion is sampled for the shutters of all products; those of cameras are known.
     GfInterval shutter = _layer.Shutter();
     for (RenderProduct const& product : products) {
-        shutter |= HdTrapezeReadNamespaced(product.namespacedSettings, product.productPath, param)
+        shutter |= HdTrapezeReadNamespaced(Owner::Product, product.namespacedSettings,
+                                           product.productPath, param)
                        .Shutter();
     }
 #if HD_API_VERSION >= 92
@@ -89,9 +91,10 @@ void HdTrapezeRenderSettings::CheckPurposes(TfTokenVector const& tags,
     }
 }
 
-HdTrapezeSettingsLayer HdTrapezeReadNamespaced(VtDictionary const& settings, SdfPath const& id,
+HdTrapezeSettingsLayer HdTrapezeReadNamespaced(HdTrapezeSettingsLayer::Owner owner,
+                                               VtDictionary const& settings, SdfPath const& id,
                                                HdTrapezeRenderParam& param) {
-    HdTrapezeSettingsLayer layer(HdTrapezeSettingsLayer::Owner::Prim);
+    HdTrapezeSettingsLayer layer(owner);
     for (auto const& [name, value] : settings) {
         std::string why;
         if (HdTrapezeIsSettingName(name) && !layer.Set(TfToken(name), value, &why)) {

@@ -32,13 +32,14 @@ private:
     void _Sync(HdSceneDelegate* delegate, HdRenderParam* renderParam,
                HdDirtyBits const* dirtyBits) override;
 
-    HdTrapezeSettingsLayer _layer{HdTrapezeSettingsLayer::Owner::Prim};
+    HdTrapezeSettingsLayer _layer{HdTrapezeSettingsLayer::Owner::Settings};
     bool _disableMotionBlur = false;
     bool _disableDepthOfField = false;
 };
 
 /// The settings of this renderer among a prim's namespaced ones. What cannot be gives a warning.
-HdTrapezeSettingsLayer HdTrapezeReadNamespaced(VtDictionary const& settings, SdfPath const& id,
+HdTrapezeSettingsLayer HdTrapezeReadNamespaced(HdTrapezeSettingsLayer::Owner owner,
+                                               VtDictionary const& settings, SdfPath const& id,
                                                HdTrapezeRenderParam& param);
 
 /// The frame that the host shows; not finite of hosts that do not tell, and at the default time.

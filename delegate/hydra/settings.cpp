@@ -87,20 +87,22 @@ bool _Set(trz_settings* settings, TfToken const& key, VtValue const& value) {
 bool HdTrapezeSettingsLayer::Set(TfToken const& key, VtValue const& value, std::string* why) {
     _Setting const* const setting = _Find(key);
     bool const hadOpinion = _values.erase(key) > 0;
-    if (!setting || (_owner == Owner::Prim && !setting->isOfPrims)) {
+    if (!setting || (_owner != Owner::Host && !setting->isOfPrims)) {
         *why = key.GetString() + " is no setting of this renderer; it is ignored";
         return false;
     }
     trz_settings trial = HdTrapezeDefaultSettings();
     if (!_Set(&trial, key, value)) {
+        std::string const used = setting->fallback.IsEmpty() ? "it is ignored"
+                                 : _owner == Owner::Product
+                                     ? "the render settings' is used"
+                                     : TfStringify(setting->fallback) + " is used";
         *why = key.GetString() + " is " + TfStringify(value) +
-               ", which cannot be: " + trz_last_error() + "; " +
-               (setting->fallback.IsEmpty() ? "it is ignored"
-                                            : TfStringify(setting->fallback) + " is used");
+               ", which cannot be: " + trz_last_error() + "; " + used;
         return false;
     }
     // A host that begins with a default has no opinion of its own: prims may have one.
-    if (_owner == Owner::Prim || hadOpinion || setting->fallback.IsEmpty() ||
+    if (_owner != Owner::Host || hadOpinion || setting->fallback.IsEmpty() ||
         VtValue::CastToTypeOf(value, setting->fallback) != setting->fallback) {
         _values[key] = value;
     }

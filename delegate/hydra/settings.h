@@ -17,7 +17,7 @@ PXR_NAMESPACE_OPEN_SCOPE
 /// Settings by name that one place says: the host, a RenderSettings prim or a RenderProduct.
 class HdTrapezeSettingsLayer final {
 public:
-    enum class Owner { Host, Prim };
+    enum class Owner { Host, Settings, Product };
 
     explicit HdTrapezeSettingsLayer(Owner owner) : _owner(owner) {}
 

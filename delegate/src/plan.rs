@@ -106,6 +106,9 @@ impl Session {
             });
         }
         let mut settings = image(product)?;
+        for text in unusable(product, &settings) {
+            self.say_once(&product.path, &text);
+        }
         let vars = self.vars(product, &mut settings.aovs)?;
         if file == FileType::Png && vars.len() > 1 {
             let text = "a PNG holds only color: its other vars are left out";
@@ -243,6 +246,27 @@ fn image(product: &Product) -> Result<RenderSettings, String> {
     })
 }
 
+/// What of a product's shape is not used, and what is in its place.
+fn unusable(product: &Product, used: &RenderSettings) -> Vec<String> {
+    let mut texts = Vec::new();
+    let conform = product.conform.as_str();
+    if used.window_policy == WindowPolicy::Fit && !["", "expandAperture"].contains(&conform) {
+        texts.push(format!(
+            "aspectRatioConformPolicy is {conform}, which is none; expandAperture is used"
+        ));
+    }
+    let aspect = product.pixel_aspect;
+    if used.window_policy != WindowPolicy::DontConform
+        && aspect.to_bits() != used.pixel_aspect.to_bits()
+    {
+        texts.push(format!(
+            "pixelAspectRatio is {aspect}, which cannot be; {} is used",
+            used.pixel_aspect
+        ));
+    }
+    texts
+}
+
 /// The pixels of a data window in NDC, whose y goes up: those whose centres are inside. None for all.
 fn data_window(window: [f32; 4], [width, height]: [i32; 2]) -> Result<Option<[i32; 4]>, String> {
     if window == [0.0, 0.0, 1.0, 1.0] {
@@ -354,6 +378,16 @@ mod tests {
             shape("adjustApertureHeight", 1.0, 1.5),
             (WindowPolicy::MatchHorizontally, 1.0)
         );
+        let told = |conform, pixel| {
+            let product = product(conform, pixel, 1.5);
+            unusable(&product, &image(&product).unwrap()).join("; ")
+        };
+        assert_eq!(told("expandAperture", 2.0), "");
+        assert_eq!(told("cropAperture", 1.0), "");
+        assert_eq!(told("adjustPixelAspectRatio", -1.0), "");
+        assert!(told("xx", 1.0).contains("xx, which is none; expandAperture is used"));
+        assert!(told("", -2.0).contains("-2, which cannot be; 1 is used"));
+        assert!(told("", f32::NAN).contains("NaN, which cannot be; 1 is used"));
         let stretched = "adjustPixelAspectRatio";
         assert_eq!(
             shape(stretched, 2.0, 1.5),

@@ -15,7 +15,7 @@ use super::kernel::{Clock, rows};
 use super::scene::Page;
 use super::{Device, GpuError, GpuScene};
 
-/// Rays of one submission at most: 40 MiB of rays and hits, and no driver's patience is tried.
+/// Rays of one submission of [`Tracer::trace`] at most: 40 MiB of rays and hits, and no driver's patience is tried.
 const LAUNCH: usize = 1 << 19;
 
 /// Traces rays on a device. Pipelines are compiled once for each permutation.

@@ -18,10 +18,8 @@ use crate::film::Frame;
 use crate::film::tile::PixelSums;
 use crate::trace::{Hit, Ray, TraceCounts};
 
-/// Rays that are traced together, about.
+/// Rays that are traced together, about: few enough that a cancel is heeded soon, and that no driver's patience is tried.
 const RAYS: usize = 1 << 19;
-/// The same where neither rays nor hits come here.
-const FILMED_RAYS: usize = 1 << 19;
 
 /// The stages of a sample, in their order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -120,7 +118,6 @@ impl<'a> Elsewhere<'a> {
         let tiles: Vec<usize> = (0..frame.tile_count()).filter(behind).collect();
         let mut counts = TraceCounts::default();
         let films = *self.tracer.stages().end() == Stage::Film;
-        let together = if films { FILMED_RAYS } else { RAYS };
         let mut rest = &tiles[..];
         while !rest.is_empty() && self.works() && !cancel.load(Ordering::Relaxed) {
             let rays_of = |&i: &usize| {
@@ -130,7 +127,7 @@ impl<'a> Elsewhere<'a> {
             let mut rays = 0;
             let full = rest.iter().position(|tile| {
                 rays += rays_of(tile);
-                rays >= together
+                rays >= RAYS
             });
             let (now, later) = rest.split_at(full.map_or(rest.len(), |i| i + 1));
             rest = later;
@@ -192,6 +189,7 @@ impl<'a> Elsewhere<'a> {
             })
             .reduce(TraceCounts::default, |a, b| a + b)
     }
+
     fn merge_tiles(
         &self,
         integrator: &Integrator<'_>,

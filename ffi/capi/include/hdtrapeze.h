@@ -1152,8 +1152,8 @@ typedef struct trz_product {
   const char *path;
   // productType.
   const char *type;
-  // productName: a path with .exr or .png at its end. Places for the frame (####, ##.##, <F4>, $F4,
-  // ${F4}, %04d) are filled in.
+  // productName: a path with .exr or .png at its end. Places for the frame (`####`, `##.##`, `<F4>`, `$F4`,
+  // `${F4}`, `%04d`) are filled in.
   const char *name;
   // The camera to render through; 0 where there is none at camera_path.
   trz_id camera;

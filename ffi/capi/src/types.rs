@@ -672,8 +672,8 @@ pub struct trz_product {
     pub path: *const c_char,
     /// productType.
     pub r#type: *const c_char,
-    /// productName: a path with .exr or .png at its end. Places for the frame (####, ##.##, <F4>, $F4,
-    /// ${F4}, %04d) are filled in.
+    /// productName: a path with .exr or .png at its end. Places for the frame (`####`, `##.##`, `<F4>`, `$F4`,
+    /// `${F4}`, `%04d`) are filled in.
     pub name: *const c_char,
     /// The camera to render through; 0 where there is none at camera_path.
     pub camera: trz_id,
