@@ -63,6 +63,8 @@ struct Work {
     current: bool,
     /// The last preparation, whose objects the next one takes over.
     previous: Option<Arc<Prepared>>,
+    /// The same on a GPU.
+    gpu: Option<Arc<GpuFrame>>,
     pool: Option<(u32, Arc<Pool>)>,
     renderer: Option<JoinHandle<()>>,
 }
@@ -509,7 +511,8 @@ impl Session {
         let prepared = Arc::new(preparation.prepared);
         work.previous = Some(prepared.clone());
         work.current = true;
-        let gpu = self.upload(&prepared)?;
+        let gpu = self.upload(&prepared, work.gpu.take())?;
+        work.gpu.clone_from(&gpu);
         let committed = Committed {
             prepared,
             gpu,
@@ -525,12 +528,24 @@ impl Session {
         Ok(committed)
     }
 
-    /// What is prepared, on a GPU where one is asked for. A scene that it does not take is rendered on the CPU.
-    fn upload(&self, prepared: &Prepared) -> Result<Option<Arc<GpuFrame>>, Error> {
+    /// What is prepared, on a GPU where one is asked for; `before` is what it replaces. A scene that it does not take is
+    /// rendered on the CPU.
+    fn upload(
+        &self,
+        prepared: &Prepared,
+        before: Option<Arc<GpuFrame>>,
+    ) -> Result<Option<Arc<GpuFrame>>, Error> {
         let Some(stages) = backend::open(prepared.settings().backend)? else {
             return Ok(None);
         };
-        match self.shared.guard(|| GpuFrame::new(stages, prepared))? {
+        // Nobody else renders it any more.
+        let before = before.and_then(Arc::into_inner);
+        let before = before.filter(|gpu| gpu.is_of(&stages));
+        let upload = || match before {
+            Some(before) => before.after(prepared),
+            None => GpuFrame::new(stages, prepared),
+        };
+        match self.shared.guard(upload)? {
             Ok(gpu) => Ok(Some(Arc::new(gpu))),
             Err(error) => {
                 let text = format!("{error}; the CPU renders");

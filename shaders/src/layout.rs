@@ -76,8 +76,9 @@ pub struct Object {
     pub key_count: u32,
     /// Largest magnitude of any coordinate or bound.
     pub radius: f32,
-    /// Number of its first grid in the whole object, where a page has only some of its grids.
-    pub first_grid: u32,
+    /// First word of the numbers that its grids have in the whole object, where a page has only some of them;
+    /// `u32::MAX` where they are all there.
+    pub numbers: u32,
 }
 
 /// One instance of an object.
@@ -378,6 +379,8 @@ pub struct BuildOutcome {
     pub need: u32,
     /// Largest magnitude of any coordinate or bound.
     pub radius: f32,
+    /// Areas of all nodes, in parts of the root's: about the nodes that a ray opens which meets that.
+    pub cost: f32,
 }
 
 #[cfg(test)]
@@ -449,7 +452,7 @@ mod tests {
                 key_times,
                 key_count,
                 radius,
-                first_grid
+                numbers
             }),
             rust_layout!(Instance {
                 number,
@@ -583,7 +586,12 @@ mod tests {
                 level,
                 levels
             }),
-            rust_layout!(BuildOutcome { root, need, radius }),
+            rust_layout!(BuildOutcome {
+                root,
+                need,
+                radius,
+                cost
+            }),
         ]
     }
 

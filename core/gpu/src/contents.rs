@@ -18,6 +18,8 @@ pub struct Contents {
     pub objects: Vec<Object>,
     /// Entries of a ray's stack.
     pub stack: u32,
+    /// The root of the tree over instances.
+    pub root: u32,
 }
 
 impl GpuScene {
@@ -34,6 +36,7 @@ impl GpuScene {
                 words: whole(device, words)?,
                 objects: whole(device, objects)?,
                 stack: page.permutation.stack,
+                root: page.root,
             })
         };
         self.pages.iter().map(page).collect()

@@ -1,5 +1,7 @@
 //! A scene on a device, and the stages that it runs for core's passes.
 //!
+//! Its trees are made there, of vertices that the CPU has made none over; where an edit moves vertices, they are refitted.
+//!
 //! Everything from samples to sums of pixels, where the scene and its AOVs are of the kind that `shade` knows; camera rays
 //! and their hits elsewhere; hits of rays that the CPU draws where the device does not know the lens.
 
@@ -15,11 +17,13 @@ use super::film::Filmer;
 use super::shade::{GpuLooks, Shader};
 use super::tiles::GpuTiles;
 use super::trace::{packed, to_layout};
-use super::{Device, GpuCamera, GpuError, GpuScene, RayMaker, Tracer};
+use super::{BuildOptions, Device, FirstOnDevice, GpuCamera, GpuError, GpuScene};
+use super::{RayMaker, Tracer, TreeBuilder};
 
 /// The stages of a device, each compiled once.
 #[derive(Debug)]
 pub struct Stages {
+    builder: TreeBuilder,
     rays: RayMaker,
     tracer: Tracer,
     shader: Shader,
@@ -31,6 +35,10 @@ pub struct Stages {
 pub struct GpuFrame {
     stages: Arc<Stages>,
     scene: GpuScene,
+    /// Who makes its trees.
+    trees: FirstOnDevice,
+    /// Its trees are those of the scene before, with other bounds.
+    refitted: bool,
     /// Where it draws the rays of this camera.
     camera: Option<GpuCamera>,
     /// How it looks, or why the CPU shades it.
@@ -45,6 +53,7 @@ impl Stages {
     /// For this device.
     pub fn new(device: &Arc<Device>) -> Self {
         Self {
+            builder: TreeBuilder::new(Arc::clone(device)),
             rays: RayMaker::new(Arc::clone(device)),
             tracer: Tracer::new(Arc::clone(device)),
             shader: Shader::new(Arc::clone(device)),
@@ -59,17 +68,73 @@ impl Stages {
 }
 
 impl GpuFrame {
-    /// Uploads a scene.
+    /// Uploads a scene, and makes its trees there.
     ///
     /// # Errors
     /// It is larger than the device takes, or holds what a GPU cannot trace; or the device is lost.
     pub fn new(stages: Arc<Stages>, prepared: &Prepared) -> Result<Self, GpuError> {
-        if prepared.plan().has_culling() {
-            let what = "scenes whose sides are culled".to_owned();
-            return Err(GpuError::Unsupported(what));
+        Self::with_trees(stages, prepared, FirstOnDevice::Bound)
+    }
+
+    /// The same with trees by the device or by the CPU, to narrow a difference down to them.
+    ///
+    /// # Errors
+    /// As [`GpuFrame::new`].
+    pub fn with_trees(
+        stages: Arc<Stages>,
+        prepared: &Prepared,
+        trees: FirstOnDevice,
+    ) -> Result<Self, GpuError> {
+        refuse_culling(prepared)?;
+        let options = BuildOptions {
+            first: trees,
+            // Who keeps grids where only the camera moves edits, and may move points as well.
+            refits: prepared.settings().keep_finer,
+            ..BuildOptions::default()
+        };
+        let scene = GpuScene::build(&stages.builder, prepared.world(), &options)?;
+        Self::around(stages, scene, trees, prepared)
+    }
+
+    /// The same as [`GpuFrame::new`] for a scene that came after this one: trees whose grids are as they were are refitted,
+    /// where they stay good.
+    ///
+    /// # Errors
+    /// As [`GpuFrame::new`].
+    pub fn after(self, prepared: &Prepared) -> Result<Self, GpuError> {
+        refuse_culling(prepared)?;
+        let Self {
+            stages,
+            mut scene,
+            trees,
+            first,
+            ..
+        } = self;
+        let refitted = match scene.refit(&stages.builder, prepared.world()) {
+            // There may be room for one of both.
+            Err(GpuError::TooLarge { .. } | GpuError::OutOfMemory { .. }) => false,
+            refitted => refitted?,
+        };
+        if refitted {
+            let frame = Self::around(stages, scene, trees, prepared)?;
+            return Ok(Self {
+                refitted: true,
+                first,
+                ..frame
+            });
         }
+        drop(scene);
+        let frame = Self::with_trees(stages, prepared, trees)?;
+        Ok(frame.starting_at(first))
+    }
+
+    fn around(
+        stages: Arc<Stages>,
+        scene: GpuScene,
+        trees: FirstOnDevice,
+        prepared: &Prepared,
+    ) -> Result<Self, GpuError> {
         let device = stages.device();
-        let scene = GpuScene::new(device, prepared.world())?;
         let camera = match GpuCamera::new(device, &Generator::new(prepared)) {
             Err(GpuError::Unsupported(why)) => Err(why),
             made => Ok(made?),
@@ -90,6 +155,8 @@ impl GpuFrame {
         Ok(Self {
             stages,
             scene,
+            trees,
+            refitted: false,
             camera,
             looks,
             first: Stage::Generate,
@@ -125,6 +192,11 @@ impl GpuFrame {
         self.scene.bytes()
     }
 
+    /// True where it is on the device of these stages.
+    pub fn is_of(&self, stages: &Arc<Stages>) -> bool {
+        Arc::ptr_eq(&self.stages, stages)
+    }
+
     /// What it is on, for people.
     pub fn name(&self) -> String {
         format!("gpu ({})", self.stages.device().found().name)
@@ -141,7 +213,17 @@ impl GpuFrame {
                 format!("traces camera rays; the CPU draws, shades and films them: {why}")
             }
         };
-        format!("{}, which {done}", self.name())
+        let trees = match (self.scene.has_own_trees(), self.refitted) {
+            (true, false) => "makes trees, ",
+            (true, true) => "refits trees, ",
+            (false, _) => "",
+        };
+        format!("{}, which {trees}{done}", self.name())
+    }
+
+    /// True where its trees are those of the scene before, with other bounds.
+    pub fn is_refitted(&self) -> bool {
+        self.refitted
     }
 
     fn took(&self, stage: Stage, seconds: Option<f64>) {
@@ -228,6 +310,17 @@ impl GpuFrame {
         let seconds = filmer.film(tiles, [&samples, &hits], pixels, timed)?;
         self.took(Stage::Film, seconds);
         Ok(())
+    }
+}
+
+/// No stage knows of sides that are culled.
+fn refuse_culling(prepared: &Prepared) -> Result<(), GpuError> {
+    match prepared.plan().has_culling() {
+        true => {
+            let what = "scenes whose sides are culled".to_owned();
+            Err(GpuError::Unsupported(what))
+        }
+        false => Ok(()),
     }
 }
 

@@ -1,18 +1,20 @@
 //! Which pages a world takes: arrays that bindings can hold. Rays are traced through one page after the other.
 //!
 //! A page has some objects, whole or some of their grids, and all their instances, or as many as there is room
-//! for. Objects come in the order of their first instance, and grids in theirs: neighbours share a page.
+//! for. Objects come in the order of their first instance. What of an object is on a page is near each other: it is halved
+//! along its longest side until all parts fit, so that few rays come by many pages.
 
 use std::collections::HashMap;
-use std::ops::Range;
 use std::sync::Arc;
 
+use glam::Vec3;
 use hdtrapeze_core::bvh::{LinearSlabs, ObjectGeometry, StaticSlabs, object::Blas};
-use hdtrapeze_core::grid::Grid;
+use hdtrapeze_core::grid::{Grid, PlanarMesh};
 use hdtrapeze_core::trace::parts::Parts;
-use hdtrapeze_core::trace::piece::Pick;
+use hdtrapeze_core::trace::piece::{Pick, Trees};
 use hdtrapeze_shaders::layout::{GridHeader, Instance};
 
+use super::build::forest::items_of;
 use super::scene::{block_words, node_words};
 
 /// Bytes of the arrays of a page.
@@ -49,11 +51,11 @@ impl Size {
 }
 
 /// Part of an object, and what it takes.
-type Part = (Option<Range<usize>>, Size);
+type Part = (Option<Arc<[u32]>>, Size);
 
 /// What each page of `parts` takes, where no array may be larger than `most` bytes; at least one page. What does not fit
 /// by itself has a page of its own.
-pub(crate) fn plan(parts: &Parts<'_>, most: u64) -> Vec<Vec<Pick>> {
+pub(crate) fn plan(parts: &Parts<'_>, most: u64, trees: Trees) -> Vec<Vec<Pick>> {
     let sets: Vec<_> = parts.sets().collect();
     let mut objects: Vec<(&Arc<ObjectGeometry>, Vec<usize>)> = Vec::new();
     let mut known: HashMap<*const ObjectGeometry, usize> = HashMap::new();
@@ -69,7 +71,7 @@ pub(crate) fn plan(parts: &Parts<'_>, most: u64) -> Vec<Vec<Pick>> {
     let mut page: Vec<Pick> = Vec::new();
     let mut used = Size::default();
     for (object, numbers) in &objects {
-        for (grids, size) in cut(object, most) {
+        for (grids, size) in cut(object, most, trees) {
             // Whether this page has it already.
             let mut there = false;
             for &set in numbers {
@@ -124,46 +126,151 @@ fn instance(key_times: Option<&[f32]>) -> Size {
 }
 
 /// The whole of an object where that fits, else parts of it that do.
-fn cut(object: &ObjectGeometry, most: u64) -> Vec<Part> {
-    let whole = whole(object);
+fn cut(object: &ObjectGeometry, most: u64, trees: Trees) -> Vec<Part> {
     let mesh = object.mesh();
-    if whole.most() <= most || mesh.grids.len() < 2 {
-        return vec![(None, whole)];
-    }
-    // Trees of parts are not known: nodes are shared out by micropolygons, with some to spare.
-    let per_cell = whole.nodes as f64 * 1.25 / mesh.cell_count().max(1) as f64;
-    let of = |grid: &Grid| Size {
-        nodes: (grid.cell_count() as f64 * per_cell).ceil() as u64,
-        planes: 12 * (grid.vertex_count() * mesh.key_count()) as u64,
-        words: size_of::<GridHeader>() as u64,
-        ..Size::default()
-    };
-    // Instances need room, too.
-    let most = most - most / 8;
-    let mut parts = Vec::new();
-    let (mut first, mut size) = (0, Size::default());
-    for (g, grid) in mesh.grids.iter().enumerate() {
-        let with = size.plus(&of(grid), 1);
-        if with.most() > most && g > first {
-            parts.push((Some(first..g), size));
-            (first, size) = (g, of(grid));
-        } else {
-            size = with;
+    let count = mesh.grids.len() as u32;
+    let sound = mesh.sound_grids();
+    let sizes: Vec<Size> = match trees {
+        Trees::Now => {
+            let whole = whole(object);
+            if whole.most() <= most || count < 2 {
+                return vec![(None, whole)];
+            }
+            // Trees of parts are not known: nodes are shared out by micropolygons, with some to spare.
+            let per_cell = whole.nodes as f64 * 1.25 / mesh.cell_count().max(1) as f64;
+            let nodes = |grid: &Grid| (grid.cell_count() as f64 * per_cell).ceil() as u64;
+            let grids = mesh.grids.iter();
+            grids
+                .map(|grid| grid_size(grid, mesh, nodes(grid)))
+                .collect()
         }
-    }
-    parts.push((Some(first..mesh.grids.len()), size));
+        Trees::Later => {
+            let grids = (0..).zip(&mesh.grids).zip(&sound);
+            let size = |((g, grid), &sound): ((u32, &Grid), &bool)| match sound {
+                true => later_size(g, grid, mesh),
+                false => grid_size(grid, mesh, 0),
+            };
+            let sizes: Vec<Size> = grids.map(size).collect();
+            let whole = sizes.iter();
+            let whole = whole.fold(Size::default(), |sum, size| sum.plus(size, 1));
+            if whole.most() <= most || count < 2 {
+                return vec![(None, whole)];
+            }
+            sizes
+        }
+    };
+    let grids = (0..count).zip(sizes).zip(sound);
+    let grids = grids.map(|((number, size), sound)| Placed {
+        number,
+        centre: match sound {
+            true => centre(mesh, number as usize),
+            false => Vec3::ZERO,
+        },
+        size,
+    });
+    let mut grids: Vec<Placed> = grids.collect();
+    let mut parts = Vec::new();
+    // Instances need room, too.
+    halve(&mut grids, most - most / 8, &mut parts);
     parts
 }
 
+/// A grid, and where it is.
+struct Placed {
+    number: u32,
+    centre: Vec3,
+    size: Size,
+}
+
+/// Parts of these grids that each fit, or have a single grid: as few as there can be, about.
+fn halve(grids: &mut [Placed], most: u64, parts: &mut Vec<Part>) {
+    let sum = |grids: &[Placed]| {
+        let sizes = grids.iter().map(|grid| &grid.size);
+        sizes.fold(Size::default(), |sum, size| sum.plus(size, 1))
+    };
+    let whole = sum(grids);
+    if whole.most() <= most || grids.len() < 2 {
+        let mut numbers: Vec<u32> = grids.iter().map(|grid| grid.number).collect();
+        numbers.sort_unstable();
+        parts.push((Some(numbers.into()), whole));
+        return;
+    }
+    let (lo, hi) = grids
+        .iter()
+        .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(lo, hi), grid| {
+            (lo.min(grid.centre), hi.max(grid.centre))
+        });
+    let axis = (hi - lo).max_position();
+    grids.sort_unstable_by(|a, b| {
+        let order = a.centre[axis].total_cmp(&b.centre[axis]);
+        order.then(a.number.cmp(&b.number))
+    });
+    // A side has as many pages' worth as it has pages.
+    let pages = whole.most().div_ceil(most);
+    let share = whole.most() / pages * (pages / 2);
+    let mut near = Size::default();
+    let full = grids.iter().position(|grid| {
+        near = near.plus(&grid.size, 1);
+        near.most() > share
+    });
+    let at = full.unwrap_or(1).clamp(1, grids.len() - 1);
+    let (near, far) = grids.split_at_mut(at);
+    halve(near, most, parts);
+    halve(far, most, parts);
+}
+
+/// The centre of a grid's corners while the shutter is open.
+fn centre(mesh: &PlanarMesh, g: usize) -> Vec3 {
+    let grid = &mesh.grids[g];
+    let (across, last) = (usize::from(grid.nu), grid.vertex_count() - 1);
+    let corners = [0, across, last - across, last];
+    let keys = [0, mesh.key_count() - 1];
+    let points = keys
+        .iter()
+        .flat_map(|&k| corners.map(|i| mesh.position(g, k, i)));
+    points.sum::<Vec3>() / 8.0
+}
+
+/// What a grid takes, whose share of nodes and blocks has so many bytes.
+fn grid_size(grid: &Grid, mesh: &PlanarMesh, nodes: u64) -> Size {
+    Size {
+        nodes,
+        planes: 12 * (grid.vertex_count() * mesh.key_count()) as u64,
+        words: (size_of::<GridHeader>() + size_of::<u32>()) as u64,
+        ..Size::default()
+    }
+}
+
+/// What a grid takes whose object has its tree made on the device: all blocks may have frames, and nodes are more than
+/// half full.
+fn later_size(g: u32, grid: &Grid, mesh: &PlanarMesh) -> Size {
+    let (items, blocks) = items_of(g, grid);
+    let (node, block) = match mesh.is_moving() {
+        true => (node_words::<LinearSlabs>(), block_words::<LinearSlabs>()),
+        false => (node_words::<StaticSlabs>(), block_words::<StaticSlabs>()),
+    };
+    let nodes = (2 * u64::from(items) * bytes(node)).div_ceil(7) + u64::from(blocks) * bytes(block);
+    let size = grid_size(grid, mesh, nodes);
+    Size {
+        words: size.words + 36 * u64::from(blocks),
+        ..size
+    }
+}
+
+/// Bytes of a node or block of so many words.
+fn bytes(words: u32) -> u64 {
+    16 * u64::from(words.div_ceil(4))
+}
+
+/// What an object takes with the CPU's tree.
 fn whole(object: &ObjectGeometry) -> Size {
-    let (mesh, stats) = (object.mesh(), object.stats());
     // A relative tree becomes a plain one, of which nothing is known.
     let (node, block, spare) = match object.blas() {
         Blas::Static(_) => (node_words::<StaticSlabs>(), block_words::<StaticSlabs>(), 1),
         Blas::Moving(_) => (node_words::<LinearSlabs>(), block_words::<LinearSlabs>(), 1),
         Blas::Relative(_) => (node_words::<LinearSlabs>(), block_words::<LinearSlabs>(), 2),
     };
-    let bytes = |words: u32| 16 * u64::from(words.div_ceil(4));
+    let (mesh, stats) = (object.mesh(), object.stats());
     let frames = stats.oriented_nodes + stats.oriented_blocks;
     Size {
         nodes: spare * (stats.nodes * bytes(node) + stats.blocks * bytes(block)),

@@ -9,17 +9,18 @@ use std::sync::Arc;
 
 use glam::DAffine3;
 use hdtrapeze_core::bvh::block::Block;
+use hdtrapeze_core::bvh::build::NEVER;
 use hdtrapeze_core::bvh::node::Lattice8;
 use hdtrapeze_core::bvh::object::{Blas, BlockTree, LOOSE};
 use hdtrapeze_core::bvh::{Bounds8, Frame, Node, ObjectGeometry, Tree, U};
 use hdtrapeze_core::grid::PlanarMesh;
 use hdtrapeze_core::trace::World;
 use hdtrapeze_core::trace::parts::{Parts, Placement, Top};
-use hdtrapeze_core::trace::piece::Pick;
+use hdtrapeze_core::trace::piece::{InWhole, Pick, Trees};
 use hdtrapeze_shaders::layout::{GridHeader, Instance, Object};
 use hdtrapeze_shaders::stage::{BuildStage, STACKS, TracePermutation};
 
-use super::build::{Maker, Trees};
+use super::build::{Maker, Refits};
 use super::{Device, GpuError, pages, stack};
 
 /// Units of 16 bytes.
@@ -54,14 +55,18 @@ pub(crate) struct Page {
     pub root: u32,
     pub radius: f32,
     pub pad: f32,
-    /// Of the trees that the device made: what it needs to refit them, where that was asked for, and the seconds it took.
+    /// Who made its trees.
     pub made: Made,
 }
 
 /// What is left of making trees on a device.
 #[derive(Debug, Default)]
 pub(crate) struct Made {
-    pub trees: Vec<Trees>,
+    /// The device did.
+    pub there: bool,
+    /// What it needs to refit them, where that was asked for.
+    pub trees: Option<Refits>,
+    /// The seconds of each stage, where it has a clock.
     pub seconds: Vec<(BuildStage, f64)>,
 }
 
@@ -75,7 +80,7 @@ pub(crate) struct Arrays {
     /// Where the key times that were added last are among the words, the last of all where nothing came after.
     last_times: usize,
     /// Something moves.
-    time: bool,
+    pub time: bool,
 }
 
 /// Times that pages are made smaller where trees turned out larger than was told.
@@ -101,6 +106,9 @@ impl GpuScene {
     pub(crate) fn made(maker: &Maker<'_>, world: &World, most: u64) -> Result<Self, GpuError> {
         traceable(world)?;
         let parts = world.parts();
+        if maker.trees() == Trees::Now {
+            world.make_trees(&NEVER);
+        }
         let mut most = most.min(maker.device().largest());
         for _ in 1..TRIES {
             match Self::planned(maker, &parts, most) {
@@ -112,9 +120,9 @@ impl GpuScene {
     }
 
     fn planned(maker: &Maker<'_>, parts: &Parts<'_>, most: u64) -> Result<Self, GpuError> {
-        let plan = pages::plan(parts, most);
+        let plan = pages::plan(parts, most, maker.trees());
         let device = maker.device();
-        let page = |world: &World, numbers: &[(u32, u32)]| {
+        let page = |world: &World, numbers: &[InWhole]| {
             let page = maker.page(world, numbers, most)?;
             // What was uploaded is kept on the host until it is submitted.
             device.wait(device.queue.submit([]))?;
@@ -125,7 +133,7 @@ impl GpuScene {
         } else {
             // One after the other: what a piece takes here is given back before the next is made.
             let piece = |picks: &Vec<Pick>| {
-                let piece = parts.piece(picks)?;
+                let piece = parts.piece(picks, maker.trees())?;
                 page(&piece.world, &piece.numbers)
             };
             plan.iter().map(piece).collect::<Result<_, _>>()?
@@ -137,6 +145,11 @@ impl GpuScene {
     /// Pages that rays are traced through, one after the other.
     pub fn page_count(&self) -> usize {
         self.pages.len()
+    }
+
+    /// True where the device made all trees.
+    pub fn has_own_trees(&self) -> bool {
+        self.pages.iter().all(|page| page.made.there)
     }
 
     /// Bytes on the device.
@@ -163,9 +176,13 @@ pub(crate) fn traceable(world: &World) -> Result<(), GpuError> {
 }
 
 /// The numbers of all instances of a world that is on one page.
-pub(crate) fn all(world: &World) -> Vec<(u32, u32)> {
-    let count = world.instance_count() as u32;
-    (0..count).map(|i| (i, 0)).collect()
+pub(crate) fn all(world: &World) -> Vec<InWhole> {
+    let numbers = 0..world.instance_count() as u32;
+    let whole = numbers.map(|instance| InWhole {
+        instance,
+        grids: None,
+    });
+    whole.collect()
 }
 
 /// Where a walk begins, and the entries of the stack that it needs.
@@ -186,19 +203,19 @@ impl Start {
 }
 
 impl Page {
-    /// Lays out a world or a piece of one, with the CPU's trees. `numbers` are, in the whole, the number of each instance and
-    /// that of the first grid of its object.
+    /// Lays out a world or a piece of one, with the CPU's trees. `numbers` tell what each instance is of the whole.
     pub(crate) fn new(
         device: &Device,
         world: &World,
-        numbers: &[(u32, u32)],
+        numbers: &[InWhole],
         most: u64,
     ) -> Result<Self, GpuError> {
+        world.make_trees(&NEVER);
         let mut arrays = Arrays::new();
         let parts = world.parts();
         let mut deepest = 0;
-        arrays.instances(&parts, numbers, |arrays, object, first_grid| {
-            deepest = deepest.max(arrays.object(object, first_grid)?);
+        arrays.instances(&parts, numbers, |arrays, object, grids| {
+            deepest = deepest.max(arrays.object(object, grids)?);
             Ok(())
         })?;
         let Start { root, need } = arrays.top(&parts);
@@ -286,35 +303,36 @@ impl Arrays {
         }
     }
 
-    /// Adds all instances, and the object of each, once, by `add`, which is told the number of its first grid.
+    /// Adds all instances, and the object of each, once, by `add`, which is told the numbers of its grids in the whole,
+    /// where they are not all there.
     pub fn instances(
         &mut self,
         parts: &Parts<'_>,
-        numbers: &[(u32, u32)],
-        mut add: impl FnMut(&mut Self, &ObjectGeometry, u32) -> Result<(), GpuError>,
+        numbers: &[InWhole],
+        mut add: impl FnMut(&mut Self, &ObjectGeometry, Option<&[u32]>) -> Result<(), GpuError>,
     ) -> Result<(), GpuError> {
         let mut known: HashMap<*const ObjectGeometry, u32> = HashMap::new();
         let objects = parts.sets().flat_map(|set| {
             let object = set.object();
             (0..set.len()).map(move |_| object)
         });
-        for ((i, object), &(number, first_grid)) in (0..).zip(objects).zip(numbers) {
+        for ((i, object), whole) in (0..).zip(objects).zip(numbers) {
             let place = match known.get(&Arc::as_ptr(object)) {
                 Some(&known) => known,
                 None => {
                     let place = self.objects.len() as u32;
-                    add(self, object, first_grid)?;
+                    add(self, object, whole.grids.as_deref())?;
                     known.insert(Arc::as_ptr(object), place);
                     place
                 }
             };
-            self.instance(number, place, &parts.placement(i));
+            self.instance(whole.instance, place, &parts.placement(i));
         }
         Ok(())
     }
 
     /// Adds an object; gives the entries of the stack that its tree needs.
-    fn object(&mut self, object: &ObjectGeometry, first_grid: u32) -> Result<u32, GpuError> {
+    fn object(&mut self, object: &ObjectGeometry, grids: Option<&[u32]>) -> Result<u32, GpuError> {
         let plain;
         let object = match object.blas() {
             Blas::Relative(_) => {
@@ -331,12 +349,12 @@ impl Arrays {
                 return Err(GpuError::Unsupported(what));
             }
         };
-        self.mesh(object.mesh(), first_grid, root, object.radius());
+        self.mesh(object.mesh(), grids, root, object.radius());
         Ok(need)
     }
 
-    /// Adds the grids and vertices of an object.
-    pub fn mesh(&mut self, mesh: &PlanarMesh, first_grid: u32, root: u32, radius: f32) {
+    /// Adds the grids and vertices of an object. `in_whole` are the numbers of its grids, where some are elsewhere.
+    pub fn mesh(&mut self, mesh: &PlanarMesh, in_whole: Option<&[u32]>, root: u32, radius: f32) {
         self.time |= mesh.is_moving();
         let grids = self.words.len() as u32;
         for grid in &mesh.grids {
@@ -347,6 +365,11 @@ impl Arrays {
             };
             self.words.extend(bytemuck::cast::<_, [u32; 3]>(header));
         }
+        let mut numbers = EMPTY;
+        if let Some(in_whole) = in_whole {
+            numbers = self.words.len() as u32;
+            self.words.extend_from_slice(in_whole);
+        }
         let key_times = self.key_times(&mesh.key_times);
         self.objects.push(Object {
             root,
@@ -355,7 +378,7 @@ impl Arrays {
             key_times,
             key_count: mesh.key_count() as u32,
             radius,
-            first_grid,
+            numbers,
         });
         self.planes.extend_from_slice(mesh.planes());
     }

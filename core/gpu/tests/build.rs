@@ -4,11 +4,14 @@ mod support;
 #[path = "../../tests/trace_scenes/mod.rs"]
 mod trace_scenes;
 
+use std::collections::HashMap;
+use std::rc::Rc;
 use std::sync::{Arc, OnceLock};
 
 use glam::{DVec3, Vec3};
+use hdtrapeze_core::bvh::{LinearBox, ObjectGeometry};
 use hdtrapeze_core::grid::{DicedMesh, PlanarMesh};
-use hdtrapeze_core::trace::{Hit, Ray, World};
+use hdtrapeze_core::trace::{Hit, InstanceTransform, Ray, World};
 use hdtrapeze_gpu::contents::Contents;
 use hdtrapeze_gpu::{BuildOptions, FirstOnDevice, GpuScene, Tracer, TreeBuilder};
 use hdtrapeze_shaders::layout::Object;
@@ -467,7 +470,7 @@ fn several_objects(tracer: &Tracer) -> Result<(), Failed> {
     let meshes = mixed();
     let objects: Vec<_> = meshes.iter().cloned().map(object).collect();
     let at = |i: usize| DVec3::splat(0.1) * i as f64;
-    let place = |i| hdtrapeze_core::trace::InstanceTransform::Translation(at(i));
+    let place = |i| InstanceTransform::Translation(at(i));
     let instances = (0..12).map(|i| instance(&objects[i % 6], place(i)));
     let world = World::build(instances.collect(), DVec3::ZERO);
     let scene = built(tracer, &world, false)?;
@@ -485,7 +488,7 @@ fn many_items(tracer: &Tracer) -> Result<(), Failed> {
         let who: Vec<_> = (0..count).map(|_| rng.cube()).collect();
         single_cells(count, |g, u, v, _| who[g] + Vec3::new(u, v, u * v) * 0.01)
     });
-    let at = |i| hdtrapeze_core::trace::InstanceTransform::Translation(DVec3::splat(i));
+    let at = |i| InstanceTransform::Translation(DVec3::splat(i));
     let objects = meshes.iter().cloned().map(object).zip([0.0, 0.3, 0.6]);
     let instances = objects.map(|(object, i)| instance(&object, at(i)));
     let world = World::build(instances.collect(), DVec3::ZERO);
@@ -526,29 +529,234 @@ fn costs(tracer: &Tracer) -> Result<(), Failed> {
     Ok(())
 }
 
-/// Trees over pages hit what trees on one page hit.
+/// Trees over pages hit what trees on one page hit, and no trees of the CPU are asked for.
 fn paged(tracer: &Tracer) -> Result<(), Failed> {
-    let world = world_of(sheet(8, 9, &keys(2)));
-    let options = BuildOptions {
-        most: 20_000,
-        ..BuildOptions::default()
+    let one = |mesh| {
+        let object = Arc::new(ObjectGeometry::later(mesh));
+        let at = InstanceTransform::Translation(DVec3::ZERO);
+        World::build_later(vec![instance(&object, at)], DVec3::ZERO)
     };
-    let scene = GpuScene::build(builder(tracer), &world, &options)?;
-    if scene.page_count() < 5 {
-        return Err(format!("only {} pages", scene.page_count()).into());
+    let mut unsound = patches(300, 7, &keys(2), 6);
+    unsound.grids[5].nu = 99;
+    unsound.positions[9000].x = f32::NAN;
+    for (world, most, pages) in [
+        (one(sheet(8, 9, &keys(2))), 20_000, 5..=20),
+        (one(patches(300, 7, &[0.0], 6)), 40_000, 5..=30),
+        (one(fur(2000, &keys(2), 6)), 100_000, 8..=40),
+        (one(unsound), 60_000, 5..=30),
+        (crowd(12), 8_000, 3..=40),
+    ] {
+        let options = BuildOptions {
+            most,
+            ..BuildOptions::default()
+        };
+        let scene = GpuScene::build(builder(tracer), &world, &options)?;
+        if !pages.contains(&scene.page_count()) || !scene.has_own_trees() {
+            return Err(format!("{} pages, not {pages:?}", scene.page_count()).into());
+        }
+        let later = world.stats();
+        if later.top_nodes == 0 && later.trees > 0 {
+            return Err("the CPU has made trees".into());
+        }
+        as_with_host_trees(tracer, &world, &scene, RAYS, 50)?;
     }
-    agree(tracer, &world, &scene, 300)
+    Ok(())
+}
+
+/// Pages hold what is near each other: but for the roots of all pages, rays open few more nodes than where all is on one.
+fn pages_cost_little(tracer: &Tracer) -> Result<(), Failed> {
+    for (mesh, most, more) in [
+        (patches(600, 7, &[0.0], 6), 80_000, 1.1),
+        (fur(3000, &[0.0], 6), 150_000, 1.1),
+        (sheet(12, 9, &[0.0]), 30_000, 1.1),
+    ] {
+        let world = world_of(mesh);
+        let rays = random_rays(3000);
+        for first in [FirstOnDevice::Bound, FirstOnDevice::Trace] {
+            let mut nodes = [0.0; 2];
+            let mut pages = 0;
+            for (nodes, most) in nodes.iter_mut().zip([u64::MAX, most]) {
+                let options = BuildOptions {
+                    first,
+                    most,
+                    ..BuildOptions::default()
+                };
+                let scene = GpuScene::build(builder(tracer), &world, &options)?;
+                pages = scene.page_count();
+                let batch = tracer.batch(&scene, &rays, false, true)?;
+                tracer.run(&batch)?;
+                *nodes = tracer.counts(&batch)?.unwrap_or_default().node_tests as f64;
+            }
+            let roots = (pages * rays.len()) as f64;
+            let times = (nodes[1] - roots) / nodes[0];
+            println!("{pages} pages: {times:.3} times the nodes");
+            if pages < 6 || times > more {
+                return Err(format!("{pages} pages: {nodes:?}").into());
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The box of each instance is in all slabs above it, at both ends of the shutter, and each is there once.
+fn over_instances(tracer: &Tracer, world: &World, scene: &GpuScene) -> Result<usize, Failed> {
+    let pages = scene.contents(tracer.device())?;
+    let [contents] = &pages[..] else {
+        return Err("more than a page".into());
+    };
+    let nothing = PlanarMesh::default();
+    let walk = Walk {
+        contents,
+        object: Object::default(),
+        mesh: &nothing,
+        times: Vec::new(),
+        met: Vec::new(),
+        counts: [0; 3],
+    };
+    let boxes: HashMap<u32, LinearBox> = world.boxes().into_iter().collect();
+    let mut met: Vec<u32> = Vec::new();
+    let mut nodes = 0;
+    // A reference, and the slabs that were stored for it.
+    let mut rest: Vec<(u32, Vec<Rc<Slabs>>)> = vec![(contents.root, Vec::new())];
+    while let Some((reference, above)) = rest.pop() {
+        if reference == EMPTY {
+            continue;
+        }
+        if reference & LEAF != 0 {
+            let number = reference & !LEAF;
+            let own = boxes.get(&number).ok_or(format!("no instance {number}"))?;
+            for slabs in &above {
+                for (time, lo, hi) in [(0.0, own.lo0, own.hi0), (1.0, own.lo1, own.hi1)] {
+                    slabs.hold(lo.as_dvec3(), time)?;
+                    slabs.hold(hi.as_dvec3(), time)?;
+                }
+            }
+            met.push(number);
+            continue;
+        }
+        nodes += 1;
+        let moves = reference & MOVES != 0;
+        let words = walk.words(reference);
+        let children = if moves { 36 } else { 18 };
+        for slot in (0..8).filter(|slot| words[children + 9] >> slot & 1 != 0) {
+            let mut above = above.clone();
+            above.push(Rc::new(walk.slabs(words, moves, slot, words[children + 8])));
+            rest.push((words[children + slot], above));
+        }
+    }
+    met.sort_unstable();
+    let mut all: Vec<u32> = boxes.into_keys().collect();
+    all.sort_unstable();
+    match met == all {
+        true => Ok(nodes),
+        false => Err(format!("{} of {} instances", met.len(), all.len()).into()),
+    }
+}
+
+/// So many instances, of which some move, one of the others is flattened to nothing, and one is nowhere.
+fn instances(count: usize, moving: usize) -> World {
+    let objects = [
+        Arc::new(ObjectGeometry::later(sheet(1, 5, &[0.0]))),
+        Arc::new(ObjectGeometry::later(patches(3, 5, &keys(2), 4))),
+    ];
+    let mut rng = Rng(count as u64);
+    let size = 1.5 / (count as f64).cbrt();
+    let one = |i: usize| {
+        let at = rng.cube().as_dvec3();
+        let turn = f64::from(rng.unit()) * 6.0;
+        let scale = DVec3::new(size, 1.2 * size, 0.8 * size);
+        let transform = match i % 5 {
+            _ if i < moving => spinning(2 + i % 3, 1.0, scale, at),
+            2 if i == 7 => InstanceTransform::Static(affine(DVec3::X, 1.0, DVec3::ZERO, at)),
+            3 if i == 8 => InstanceTransform::Translation(DVec3::NAN),
+            _ => InstanceTransform::Static(affine(DVec3::new(1.0, 2.0, 0.3), turn, scale, at)),
+        };
+        // Few objects move by themselves.
+        instance(&objects[usize::from(moving > 0 && i % 16 == 5)], transform)
+    };
+    World::build_later((0..count).map(one).collect(), DVec3::ZERO)
+}
+
+/// The tree over instances is made on the device as well, over none, one, as many as a node has, and more.
+fn many_instances(tracer: &Tracer) -> Result<(), Failed> {
+    for (count, moving) in [
+        (0, 0),
+        (1, 0),
+        (1, 1),
+        (2, 1),
+        (8, 0),
+        (8, 8),
+        (9, 0),
+        (9, 9),
+        (9, 1),
+        (20, 2),
+        (1000, 0),
+        (1000, 3),
+        (1000, 1000),
+    ] {
+        let fail = |e: Failed| format!("{moving} of {count} move: {e:?}");
+        let world = instances(count, moving);
+        let scene = built(tracer, &world, false)?;
+        let stats = world.stats();
+        if (stats.trees, stats.top_nodes) != (0, 0) || !scene.has_own_trees() {
+            return Err("the CPU has made trees".into());
+        }
+        let nodes = over_instances(tracer, &world, &scene).map_err(fail)?;
+        if nodes > count * 4 / 7 + 1 {
+            return Err(format!("{nodes} nodes over {count} instances").into());
+        }
+        as_with_host_trees(tracer, &world, &scene, RAYS, 0).map_err(fail)?;
+        // Brute force asks each instance.
+        if count < 100 {
+            agree(tracer, &world, &scene, count / 4).map_err(fail)?;
+        }
+    }
+    Ok(())
+}
+
+/// Few that move stand apart: rays open about as many nodes as with the CPU's tree over the same instances.
+fn tops_cost_as_much(tracer: &Tracer) -> Result<(), Failed> {
+    for (count, moving) in [(300, 0), (300, 12), (300, 300), (1000, 0)] {
+        let world = instances(count, moving);
+        let rays = random_rays(3000);
+        let mut nodes = [0.0; 2];
+        for (nodes, first) in nodes
+            .iter_mut()
+            .zip([FirstOnDevice::Bound, FirstOnDevice::Trace])
+        {
+            let options = BuildOptions {
+                first,
+                ..BuildOptions::default()
+            };
+            let scene = GpuScene::build(builder(tracer), &world, &options)?;
+            let batch = tracer.batch(&scene, &rays, false, true)?;
+            tracer.run(&batch)?;
+            *nodes = tracer.counts(&batch)?.unwrap_or_default().node_tests as f64;
+        }
+        println!("{moving} of {count} move: {:.3}", nodes[0] / nodes[1]);
+        if nodes[0] > 1.3 * nodes[1] {
+            return Err(format!("{moving} of {count} move: {nodes:?}").into());
+        }
+    }
+    Ok(())
 }
 
 /// Trees whose vertices have moved contain them, as trees that are built anew would.
 fn refitted(tracer: &Tracer) -> Result<(), Failed> {
-    let pairs: [(DicedMesh, DicedMesh); 4] = [
-        (patches(40, 7, &[0.0], 3), patches(40, 7, &[0.0], 4)),
-        (patches(40, 7, &keys(3), 3), patches(40, 7, &keys(3), 4)),
-        (fur(150, &keys(2), 4), fur(150, &keys(2), 5)),
-        (sheet(1, 8, &keys(2)), patches(1, 8, &keys(2), 1)),
-    ];
-    for (before, after) in pairs {
+    let moved = |mesh: &DicedMesh| {
+        let mut mesh = mesh.clone();
+        for p in &mut mesh.positions {
+            *p += Vec3::new(0.3, 0.1 * (3.0 * p.x).sin(), 0.1 * (4.0 * p.y).cos());
+        }
+        mesh
+    };
+    for before in [
+        patches(40, 7, &[0.0], 3),
+        patches(40, 7, &keys(3), 3),
+        fur(150, &keys(2), 4),
+        sheet(1, 8, &keys(2)),
+    ] {
+        let after = moved(&before);
         let (world, moved) = (world_of(before), world_of(after.clone()));
         let mut scene = built(tracer, &world, true)?;
         if !scene.refit(builder(tracer), &moved)? {
@@ -560,6 +768,51 @@ fn refitted(tracer: &Tracer) -> Result<(), Failed> {
         if !scene.refit(builder(tracer), &world)? {
             return Err("not refitted again".into());
         }
+        agree(tracer, &world, &scene, 5)?;
+    }
+    Ok(())
+}
+
+/// Instances that move, appear or go are no reason to make objects' trees anew.
+fn refitted_instances(tracer: &Tracer) -> Result<(), Failed> {
+    let meshes = [sheet(2, 7, &[0.0]), patches(12, 5, &keys(3), 9)];
+    let objects = meshes.map(object);
+    let crowd = |count: usize, seed: u64| {
+        let mut rng = Rng(seed);
+        let at = |i: usize| {
+            let at = rng.cube().as_dvec3();
+            instance(
+                &objects[i % 2],
+                spinning(2 + i % 2, 0.5, DVec3::splat(0.4), at),
+            )
+        };
+        World::build_later((0..count).map(at).collect(), DVec3::ZERO)
+    };
+    let mut scene = built(tracer, &crowd(12, 1), true)?;
+    for (count, seed) in [(12, 2), (20, 3), (2, 4)] {
+        let world = crowd(count, seed);
+        if !scene.refit(builder(tracer), &world)? {
+            return Err(format!("not refitted to {count}").into());
+        }
+        over_instances(tracer, &world, &scene)?;
+        agree(tracer, &world, &scene, 20)?;
+    }
+    Ok(())
+}
+
+/// Where all go elsewhere, trees over what was near are of no use: scenes are to be built anew.
+fn too_bad_to_refit(tracer: &Tracer) -> Result<(), Failed> {
+    for (before, after) in [
+        (patches(80, 7, &[0.0], 3), patches(80, 7, &[0.0], 4)),
+        (patches(80, 7, &keys(3), 3), patches(80, 7, &keys(3), 4)),
+        (fur(300, &keys(2), 4), fur(300, &keys(2), 5)),
+    ] {
+        let (world, moved) = (world_of(before.clone()), world_of(after));
+        let mut scene = built(tracer, &world, true)?;
+        if scene.refit(builder(tracer), &moved)? {
+            return Err("refitted".into());
+        }
+        contained(tracer, &scene, &[&before])?;
         agree(tracer, &world, &scene, 5)?;
     }
     Ok(())
@@ -641,7 +894,7 @@ fn main() {
     );
     /// A name and a test.
     type Named = (&'static str, fn(&Tracer) -> Result<(), Failed>);
-    let others: [Named; 13] = [
+    let others: [Named; 18] = [
         ("equal_boxes", equal_boxes),
         ("nested_boxes", nested_boxes),
         ("flat", flat),
@@ -653,7 +906,12 @@ fn main() {
         ("many_items", many_items),
         ("costs", costs),
         ("paged", paged),
+        ("pages_cost_little", pages_cost_little),
+        ("many_instances", many_instances),
+        ("tops_cost_as_much", tops_cost_as_much),
         ("refitted", refitted),
+        ("refitted_instances", refitted_instances),
+        ("too_bad_to_refit", too_bad_to_refit),
         ("not_refitted", not_refitted),
     ];
     for (name, check) in others {

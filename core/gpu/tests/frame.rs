@@ -9,22 +9,25 @@ mod support;
 
 mod device;
 
-use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, OnceLock};
 
 use device::Check;
 use glam::{DMat4, DVec3, Quat, Vec3};
 use hdtrapeze_core::aov::{Aov, AovData};
+use hdtrapeze_core::film::tile::PixelSums;
 use hdtrapeze_core::render::{
-    Elsewhere, Frame, Prepared, RayTracer, RenderControl, Stage, prepare, render, render_with,
+    Elsewhere, Frame, Made, Prepared, RayTracer, RenderControl, Stage, TileSamples, prepare,
+    render, render_with,
 };
 use hdtrapeze_core::scene::{
-    CameraDesc, FilterKind, Geometry, ImplicitDesc, ImplicitKind, InstanceArrays, InstancerDesc,
-    Interpolation, MeshDesc, PointsSamples, PrimCommon, PrimDesc, PrimId, PrimvarDesc,
-    PrimvarSample, PrimvarValues, RenderSettings, Samples, Scene, TransformSamples,
+    Backend, CameraDesc, FilterKind, Geometry, ImplicitDesc, ImplicitKind, InstanceArrays,
+    InstancerDesc, Interpolation, MeshDesc, PointsSamples, PrimCommon, PrimDesc, PrimId,
+    PrimvarDesc, PrimvarSample, PrimvarValues, RenderSettings, Samples, Scene, TransformSamples,
 };
 use hdtrapeze_core::surface::{MeshTopology, Scheme};
-use hdtrapeze_gpu::{Device, GpuFrame, Stages};
+use hdtrapeze_core::trace::{Hit, Ray};
+use hdtrapeze_gpu::{Device, FirstOnDevice, GpuFrame, Stages};
 use libtest_mimic::Failed;
 use support::NoSubdivision;
 
@@ -333,15 +336,47 @@ fn different(there: &Frame, here: &Frame, aov: &Aov, close: f32) -> Result<Vec<u
     Ok(pixels.filter(differs).collect())
 }
 
-/// Held against the CPU's image, with stages before `first` on the CPU.
-fn agrees(stages: &Arc<Stages>, scene: &Scene, first: Stage) -> Result<(), Failed> {
-    let prepared = prepared(scene);
-    let frame = GpuFrame::new(Arc::clone(stages), &prepared)?.starting_at(first);
+/// The same for a backend.
+fn prepared_on(scene: &Scene, backend: Backend) -> Prepared {
+    let mut scene = scene.clone();
+    set(&mut scene, |settings| settings.backend = backend);
+    prepared(&scene)
+}
+
+/// Held against the CPU's image, with trees by the device or by the CPU, and stages before `first` on the CPU.
+fn agrees(
+    stages: &Arc<Stages>,
+    scene: &Scene,
+    trees: FirstOnDevice,
+    first: Stage,
+) -> Result<(), Failed> {
+    let prepared = prepared_on(scene, Backend::Gpu);
+    let frame = GpuFrame::with_trees(Arc::clone(stages), &prepared, trees)?.starting_at(first);
     if frame.stages() != (first..=Stage::Film) {
         return Err(frame.explain().into());
     }
-    let here = rendered(&prepared, None)?;
-    let there = rendered(&prepared, Some(&frame))?;
+    as_on_the_cpu(scene, &prepared, &frame, first)?;
+    let made = prepared.world().stats();
+    let none = (made.trees, made.top_nodes) == (0, 0);
+    // A stage after trace first: the CPU has traced.
+    let expected = trees == FirstOnDevice::Bound && first <= Stage::Trace;
+    if none != expected
+        || frame.explain().contains("makes trees") != (trees == FirstOnDevice::Bound)
+    {
+        return Err(format!("{} trees by the CPU; {}", made.trees, frame.explain()).into());
+    }
+    Ok(())
+}
+
+/// The image of `frame`, which is of `prepared`, held against the CPU's of `scene`.
+fn as_on_the_cpu(
+    scene: &Scene,
+    prepared: &Prepared,
+    frame: &GpuFrame,
+    first: Stage,
+) -> Result<(), Failed> {
+    let there = rendered(prepared, Some(frame))?;
+    let here = rendered(&prepared_on(scene, Backend::Cpu), None)?;
     let [width, height] = prepared.settings().resolution;
     let few = (f64::from(width * height) * DIFFERENT) as usize;
     let mut covered = 0;
@@ -413,6 +448,96 @@ fn others_are_shaded_here(stages: &Arc<Stages>) -> Result<(), Failed> {
     Ok(())
 }
 
+/// A scene whose mesh has other points, as a host edits it.
+fn bent(growth: f32) -> Scene {
+    let mut scene = scene(vec![
+        sheet("/sheet", &[growth], Interpolation::Vertex),
+        ball(
+            "/ball",
+            0.8,
+            &[DVec3::new(-1.5 + f64::from(growth), 0.2, 0.0)],
+        ),
+    ]);
+    set(&mut scene, |settings| settings.keep_finer = true);
+    scene
+}
+
+/// Where points have moved and grids are as they were, trees are refitted; else they are made anew. Images are the CPU's.
+fn edits(stages: &Arc<Stages>) -> Result<(), Failed> {
+    let mut turned = bent(0.02);
+    shoot(&mut turned, |camera| {
+        camera.transform = at(&[DMat4::from_translation(DVec3::new(0.3, 0.2, 6.0))]);
+    });
+    let mut finer = bent(0.02);
+    set(&mut finer, |settings| settings.shading_rate = 0.4);
+    let first = prepared_on(&bent(0.0), Backend::Gpu);
+    let mut frame = GpuFrame::new(Arc::clone(stages), &first)?;
+    for (scene, refitted) in [
+        (bent(0.01), true),
+        (bent(0.02), true),
+        // Its view is another: so is its dicing.
+        (turned, false),
+        (finer, false),
+        (everything(), false),
+    ] {
+        let prepared = prepared_on(&scene, Backend::Gpu);
+        frame = frame.after(&prepared)?;
+        if frame.is_refitted() != refitted {
+            return Err(format!("refitted: {}, not {refitted}", frame.is_refitted()).into());
+        }
+        as_on_the_cpu(&scene, &prepared, &frame, Stage::Generate)?;
+        if prepared.world().stats().trees > 0 {
+            return Err("the CPU has made trees".into());
+        }
+    }
+    Ok(())
+}
+
+/// What falls back to the CPU in the middle, or is never on a device, has trees there by then.
+fn the_cpu_goes_on() -> Result<(), Failed> {
+    struct Broken;
+    impl RayTracer for Broken {
+        fn stages(&self) -> std::ops::RangeInclusive<Stage> {
+            Stage::Trace..=Stage::Trace
+        }
+        fn trace_tiles(&self, _: &[TileSamples], _: &mut [Hit]) -> Result<(), String> {
+            Err("broken".to_owned())
+        }
+        fn film(&self, _: &[TileSamples], _: &Made, _: &mut [PixelSums]) -> Result<(), String> {
+            Err("broken".to_owned())
+        }
+        fn trace(&self, _: &[Ray], _: &mut [Hit]) -> Result<(), String> {
+            Err("broken".to_owned())
+        }
+    }
+    let expected = rendered(&prepared_on(&everything(), Backend::Cpu), None)?;
+    for broken in [None, Some(Elsewhere::new(&Broken))] {
+        let prepared = prepared_on(&everything(), Backend::Gpu);
+        let stats = prepared.world().stats();
+        if (stats.trees, stats.top_nodes) != (0, 0) {
+            return Err("trees are made ahead".into());
+        }
+        let settings = prepared.settings();
+        let frame = Frame::new(settings.resolution, settings.data_window, prepared.aovs())?;
+        let control = RenderControl {
+            cancel: &AtomicBool::new(false),
+            on_progress: &|_| {},
+            on_pass: &|_, _| {},
+        };
+        render_with(&prepared, &frame, &control, broken.as_ref());
+        let stats = prepared.world().stats();
+        if stats.trees < stats.objects || stats.top_nodes == 0 {
+            return Err("trees are missing".into());
+        }
+        for aov in prepared.aovs() {
+            if !different(&frame, &expected, aov, 0.0)?.is_empty() {
+                return Err(format!("{} differs", aov.name()).into());
+            }
+        }
+    }
+    Ok(())
+}
+
 fn scenes() -> Vec<(String, Scene)> {
     let mut all = vec![
         ("still".to_owned(), stage()),
@@ -469,21 +594,37 @@ fn scenes() -> Vec<(String, Scene)> {
 
 fn main() {
     let mut trials: Vec<(String, Check)> = Vec::new();
-    let on = |device: &Arc<Device>| Arc::new(Stages::new(device));
+    // Pipelines are compiled once.
+    static STAGES: OnceLock<Arc<Stages>> = OnceLock::new();
+    let on =
+        |device: &Arc<Device>| Arc::clone(STAGES.get_or_init(|| Arc::new(Stages::new(device))));
     for (name, scene) in scenes() {
-        let run = move |device: &Arc<Device>| agrees(&on(device), &scene, Stage::Generate);
+        let by_cpu = scene.clone();
+        let run = move |device: &Arc<Device>| {
+            agrees(&on(device), &scene, FirstOnDevice::Bound, Stage::Generate)
+        };
         trials.push((format!("scene_{name}"), Box::new(run)));
+        let run = move |device: &Arc<Device>| {
+            agrees(&on(device), &by_cpu, FirstOnDevice::Trace, Stage::Generate)
+        };
+        trials.push((format!("cpu_trees_{name}"), Box::new(run)));
     }
     for (name, scene) in [("still", stage()), ("everything", everything())] {
         for first in [Stage::Trace, Stage::Shade, Stage::Film] {
             let scene = scene.clone();
-            let run = move |device: &Arc<Device>| agrees(&on(device), &scene, first);
+            let run = move |device: &Arc<Device>| {
+                agrees(&on(device), &scene, FirstOnDevice::Bound, first)
+            };
             trials.push((
                 format!("{name}_from_{first:?}").to_lowercase(),
                 Box::new(run),
             ));
         }
     }
+    let edited = move |device: &Arc<Device>| edits(&on(device));
+    trials.push(("edits".to_owned(), Box::new(edited)));
+    let fallen_back = move |_: &Arc<Device>| the_cpu_goes_on();
+    trials.push(("the_cpu_goes_on".to_owned(), Box::new(fallen_back)));
     let others = move |device: &Arc<Device>| others_are_shaded_here(&on(device));
     trials.push(("what_the_cpu_shades".to_owned(), Box::new(others)));
     device::run(trials);

@@ -40,6 +40,7 @@ pub mod linear;
 pub mod node;
 pub mod object;
 pub mod orient;
+pub mod outline;
 pub mod relative;
 pub mod sorted;
 mod split;

@@ -1,6 +1,11 @@
 //! One object, ready to be traced: its diced mesh and the tree over its blocks and loose groups.
 //!
 //! Shared by `Arc` between instances.
+//!
+//! **Trees that may never be asked for.** Where a GPU is to trace, an object is made [without a tree](ObjectGeometry::later):
+//! its bounds are those of its vertices, and the CPU makes its tree once something is traced here after all.
+
+use std::sync::{Arc, OnceLock};
 
 use hdtrapeze_simd::Level;
 use rayon::prelude::*;
@@ -10,8 +15,10 @@ use super::build::{NEVER, Nodes, PARALLEL_ITEMS, Tree, build_sorted};
 use super::gather::{Gathered, Part, gather, joined};
 use super::node::magnitude;
 use super::orient::Strands;
+use super::outline::{self, Outline};
 use super::relative::{self, Built, Relative};
 use super::{Bounds8, LinearBox, LinearSlabs, Node, StaticSlabs};
+use crate::alone::alone;
 use crate::grid::{DicedMesh, PlanarMesh};
 
 /// Set in an item of the tree that is a [loose group](super::block::loose) rather than a block; below it
@@ -41,6 +48,18 @@ pub struct BlockTree<B> {
     pub tree: Tree<B>,
     /// Blocks, in the order of grids.
     pub blocks: Vec<Block<B>>,
+}
+
+impl<B> BlockTree<B> {
+    /// Of nothing.
+    const EMPTY: Self = Self {
+        tree: Tree {
+            nodes: Vec::new(),
+            frames: Vec::new(),
+            root: Tree::<B>::EMPTY,
+        },
+        blocks: Vec::new(),
+    };
 }
 
 /// The tree of an object: of the static kind when no vertex has more than one key.
@@ -98,10 +117,13 @@ impl BvhStats {
 /// A diced mesh with its tree.
 #[derive(Clone, Debug)]
 pub struct ObjectGeometry {
-    mesh: PlanarMesh,
-    blas: Blas,
+    /// Shared with whoever makes the tree.
+    mesh: Arc<PlanarMesh>,
+    /// Set from the start, but where it was left for later.
+    tree: OnceLock<(Blas, BvhStats)>,
     bounds: LinearBox,
     radius: f32,
+    /// What is known without the tree.
     stats: BvhStats,
 }
 
@@ -112,6 +134,28 @@ impl ObjectGeometry {
         match relative::build(&mesh) {
             Some(found) => Self::relative(mesh, found),
             None => Self::plain(mesh),
+        }
+    }
+
+    /// The same without a tree, which is made when it is first asked for, or by [`ObjectGeometry::make_tree`]. Micropolygons
+    /// that are hit are the same; bounds and radius may be larger.
+    pub fn later(mesh: DicedMesh) -> Self {
+        let Outline {
+            mesh,
+            bounds,
+            dropped,
+        } = outline::outline(mesh);
+        Self {
+            bounds,
+            radius: outline::STORED * bounds_reach(&bounds),
+            stats: BvhStats {
+                cells: mesh.cell_count() as u64,
+                dropped_grids: dropped,
+                mesh_bytes: mesh.bytes() as u64,
+                ..BvhStats::default()
+            },
+            mesh: Arc::new(mesh),
+            tree: OnceLock::new(),
         }
     }
 
@@ -126,7 +170,7 @@ impl ObjectGeometry {
 
     /// The same micropolygons with a tree of the [plain](Self::plain) kind.
     pub fn made_plain(&self) -> Self {
-        Self::plain(DicedMesh::from(&self.mesh))
+        Self::plain(DicedMesh::from(&*self.mesh))
     }
 
     fn relative(mesh: DicedMesh, found: Built) -> Self {
@@ -137,8 +181,8 @@ impl ObjectGeometry {
             ..found.stats
         };
         Self {
-            mesh,
-            blas: Blas::Relative(Box::new(found.relative)),
+            mesh: Arc::new(mesh),
+            tree: OnceLock::from((Blas::Relative(Box::new(found.relative)), stats)),
             bounds: found.bounds,
             radius: found.bounds.max_abs(),
             stats,
@@ -149,27 +193,68 @@ impl ObjectGeometry {
     pub fn mesh(&self) -> &PlanarMesh {
         &self.mesh
     }
-    /// The tree.
+    /// The tree, which is made where it was left for later: on a thread of its own, for which others that ask wait.
+    #[inline]
     pub fn blas(&self) -> &Blas {
-        &self.blas
+        match self.tree.get() {
+            Some((blas, _)) => blas,
+            None => self.made_alone(),
+        }
+    }
+    #[cold]
+    fn made_alone(&self) -> &Blas {
+        let (blas, _) = self.tree.get_or_init(|| {
+            let mesh = Arc::clone(&self.mesh);
+            // Without a thread there is no memory either.
+            alone(move || tree_of(&mesh)).unwrap_or_else(|_| tree_of(&PlanarMesh::default()))
+        });
+        blas
+    }
+    /// Makes the tree, in parallel, where it was left for later. Nobody waits for it meanwhile: who needs it at once makes
+    /// another, of the same bits.
+    pub fn make_tree(&self) {
+        if self.tree.get().is_none() {
+            // Nothing is lost where another was faster.
+            let _ = self.tree.set(tree_of(&self.mesh));
+        }
+    }
+    /// True where the tree is there.
+    pub fn has_tree(&self) -> bool {
+        self.tree.get().is_some()
     }
     /// Axis-aligned bounds of all micropolygons over time, in the mesh's space relative to its
     /// origin; [`LinearBox::EMPTY`] when there are none.
     pub fn bounds(&self) -> &LinearBox {
         &self.bounds
     }
-    /// Largest magnitude of any coordinate or stored bound, 0 when there are none: the scale that
+    /// Largest magnitude of any coordinate or stored bound, or more; 0 when there are none: the scale that
     /// rounding errors are measured by.
     pub fn radius(&self) -> f32 {
         self.radius
     }
     /// True when nothing can be hit.
     pub fn is_empty(&self) -> bool {
-        self.stats.blocks + self.stats.loose_groups == 0
+        self.bounds == LinearBox::EMPTY
     }
-    /// Numbers about the tree.
+    /// Numbers about the tree; where it was left for later, those of the mesh alone.
     pub fn stats(&self) -> &BvhStats {
-        &self.stats
+        self.tree.get().map_or(&self.stats, |(_, stats)| stats)
+    }
+}
+
+/// The tree over a mesh that was left for later: the bits are those of [`ObjectGeometry::new`].
+fn tree_of(mesh: &PlanarMesh) -> (Blas, BvhStats) {
+    let made = ObjectGeometry::new(DicedMesh::from(mesh));
+    let tree = made.tree.into_inner();
+    // It has a tree from the start.
+    tree.unwrap_or_else(|| (Blas::Static(BlockTree::EMPTY), BvhStats::default()))
+}
+
+/// 0 for the box of nothing.
+fn bounds_reach(bounds: &LinearBox) -> f32 {
+    match *bounds == LinearBox::EMPTY {
+        true => 0.0,
+        false => bounds.max_abs(),
     }
 }
 
@@ -187,8 +272,8 @@ pub(super) struct Blocks<B> {
 impl<B> Blocks<B> {
     fn object(self, kind: impl Fn(BlockTree<B>) -> Blas) -> ObjectGeometry {
         ObjectGeometry {
-            mesh: self.mesh,
-            blas: kind(self.tree),
+            mesh: Arc::new(self.mesh),
+            tree: OnceLock::from((kind(self.tree), self.stats)),
             bounds: self.bounds,
             radius: self.radius,
             stats: self.stats,

@@ -118,6 +118,9 @@ impl<'a> Elsewhere<'a> {
         let tiles: Vec<usize> = (0..frame.tile_count()).filter(behind).collect();
         let mut counts = TraceCounts::default();
         let films = *self.tracer.stages().end() == Stage::Film;
+        if *self.tracer.stages().start() > Stage::Trace || (!films && integrator.sees_through()) {
+            integrator.make_trees(cancel);
+        }
         let mut rest = &tiles[..];
         while !rest.is_empty() && self.works() && !cancel.load(Ordering::Relaxed) {
             let rays_of = |&i: &usize| {

@@ -3,6 +3,8 @@
 //! Rays are traced in packets from one small pixel block, near each other in time. Transparent surfaces
 //! are composited front to back by asking for the next hit after the last, up to [`MAX_LAYERS`].
 
+use std::sync::atomic::AtomicBool;
+
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -34,6 +36,16 @@ impl<'a> Integrator<'a> {
             keeps,
             irradiance: prepared.irradiance(),
         }
+    }
+
+    /// True where rays may go on behind their first hits.
+    pub fn sees_through(&self) -> bool {
+        self.prepared.plan.transparency_by.is_some()
+    }
+
+    /// Makes the trees that were left for later, until `cancel` is raised.
+    pub fn make_trees(&self, cancel: &AtomicBool) {
+        self.prepared.world.make_trees(cancel);
     }
 
     /// Takes samples until every pixel of `tile` has `target`.

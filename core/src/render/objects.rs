@@ -19,8 +19,9 @@ use crate::bvh::ObjectGeometry;
 use crate::camera::Camera;
 use crate::diagnostics::{Code, Warning};
 use crate::dice::RasterMetric;
+use crate::grid::DicedMesh;
 use crate::motion::{Hierarchy, Shutter, TransformError};
-use crate::scene::{PrimDesc, PrimId, RenderSettings};
+use crate::scene::{Backend, PrimDesc, PrimId, RenderSettings};
 use crate::shade::{DEFAULT_ALBEDO, PrimShading, Source};
 use crate::surface::SubdivisionFactory;
 use crate::trace::Winding;
@@ -87,6 +88,16 @@ pub(super) struct PrimObjects {
     pub build_seconds: f64,
     /// Straight segments of the path with the most; 0 when nothing moves.
     pub segments: usize,
+}
+
+impl Context<'_> {
+    /// An object; where a GPU is to trace, it makes the tree, unless the CPU has to after all.
+    pub fn object(&self, diced: DicedMesh) -> ObjectGeometry {
+        match self.settings.backend {
+            Backend::Gpu => ObjectGeometry::later(diced),
+            Backend::Auto | Backend::Cpu => ObjectGeometry::new(diced),
+        }
+    }
 }
 
 impl PrimObjects {
@@ -316,7 +327,7 @@ impl PrimObjects {
             return None;
         }
         let start = Instant::now();
-        let geometry = ObjectGeometry::new(diced);
+        let geometry = context.object(diced);
         self.build_seconds += start.elapsed().as_secs_f64();
         let lost = geometry.stats().dropped_grids;
         if lost > 0 {

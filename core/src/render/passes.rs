@@ -75,6 +75,10 @@ pub fn render_with(
             let pass = elsewhere.fill(&integrator, frame, target, control.cancel, &added);
             counts = counts + pass;
         }
+        let behind = |i| frame.tile(i).samples < target;
+        if (0..frame.tile_count()).any(behind) {
+            prepared.world.make_trees(control.cancel);
+        }
         let pass = (0..frame.tile_count())
             .into_par_iter()
             .map(|i| {

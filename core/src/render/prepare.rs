@@ -18,7 +18,7 @@ use crate::camera::Camera;
 use crate::diagnostics::{Code, Warning};
 use crate::effects::{EffectPlan, TimePlan};
 use crate::motion::Shutter;
-use crate::scene::{CameraDesc, Cull, Geometry, PrimDesc, PrimId, RenderSettings, Scene};
+use crate::scene::{Backend, CameraDesc, Cull, Geometry, PrimDesc, PrimId, RenderSettings, Scene};
 use crate::surface::SubdivisionFactory;
 use crate::trace::world::WorldError;
 use crate::trace::{Culled, Side, Winding, World, WorldSet};
@@ -293,7 +293,7 @@ pub fn prepare_with(
     }
     let primvar_aovs = primvar_aovs::assign(&view.primvar_aovs, &mut prims, &mut warnings);
     aovs.extend(primvar_aovs.iter().cloned().map(Aov::Primvar));
-    let (world, sets) = place(&prims, &view.camera, cancel, &mut statistics)?;
+    let (world, sets) = place(&prims, &view, cancel, &mut statistics)?;
     drop(places);
     let View {
         camera,
@@ -510,7 +510,7 @@ fn culled_side(cull: Cull, prim: &PrimDesc) -> Option<Side> {
 
 fn place(
     prims: &[PreparedPrim],
-    camera: &Camera,
+    view: &View,
     cancel: &AtomicBool,
     statistics: &mut PrepareStatistics,
 ) -> Result<(World, Vec<SetEntry>), PrepareError> {
@@ -558,7 +558,12 @@ fn place(
             });
         }
     }
-    let world = World::new(sets, camera.origin(), cancel).map_err(|error| match error {
+    let make = match view.settings.backend {
+        // It makes the tree over instances as well.
+        Backend::Gpu => World::later,
+        Backend::Auto | Backend::Cpu => World::new,
+    };
+    let world = make(sets, view.camera.origin(), cancel).map_err(|error| match error {
         WorldError::OutOfMemory(_) => PrepareError::OutOfMemory(error.to_string()),
         WorldError::Cancelled => PrepareError::Cancelled,
     })?;

@@ -30,7 +30,7 @@ impl<const CULL: bool> Kernel for Movers<'_, CULL> {
             stack,
             counts,
         } = self;
-        world.query_top::<_, _, CULL>(simd, &world.movers, ray, query, stack, counts)
+        world.query_top::<_, _, CULL>(simd, &world.tops().movers, ray, query, stack, counts)
     }
 }
 
@@ -54,6 +54,6 @@ impl Kernel for MoversMany<'_> {
             queries,
             room,
         } = self;
-        world.top_packet::<S, _, true>(simd, &world.movers, rays, lanes, queries, room)
+        world.top_packet::<S, _, true>(simd, &world.tops().movers, rays, lanes, queries, room)
     }
 }

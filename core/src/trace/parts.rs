@@ -65,12 +65,12 @@ impl<'a> Parts<'a> {
     /// Item of a static tree over instances that stands for all that move.
     pub const MOVERS: u32 = MOVERS;
 
-    /// The tree over instances; its items are their numbers.
+    /// The tree over instances, which is made where it was left for later; its items are their numbers.
     pub fn top(&self) -> Top<'a> {
-        match &self.world.top {
+        match &self.world.tops().top {
             TopTree::Static(tree) => Top::Static {
                 tree,
-                movers: &self.world.movers,
+                movers: &self.world.tops().movers,
             },
             TopTree::Moving(tree) => Top::Moving(tree),
         }

@@ -18,8 +18,8 @@ pub struct Pick {
     pub set: usize,
     /// Instances of it.
     pub instances: Range<usize>,
-    /// Grids of its object; nothing for all.
-    pub grids: Option<Range<usize>>,
+    /// Numbers of grids of its object, without order; nothing for all.
+    pub grids: Option<Arc<[u32]>>,
 }
 
 /// Some of a world.
@@ -27,32 +27,55 @@ pub struct Pick {
 pub struct Piece {
     /// It, relative to the origin of the whole.
     pub world: World,
-    /// Of each of its instances the number in the whole, and the first of the grids in its object there.
-    pub numbers: Vec<(u32, u32)>,
+    /// Of each of its instances what it is of the whole.
+    pub numbers: Vec<InWhole>,
+}
+
+/// What an instance of a piece is of the whole.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct InWhole {
+    /// Its number there.
+    pub instance: u32,
+    /// The number there of each grid of its object, where these are not all.
+    pub grids: Option<Arc<[u32]>>,
+}
+
+/// Where the trees of a piece are made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Trees {
+    /// Here, at once.
+    Now,
+    /// Elsewhere, or when they are asked for.
+    Later,
 }
 
 impl Parts<'_> {
-    /// A piece of the world. Objects of which grids are picked have no normals and channels in there, and trees that
-    /// are built anew.
+    /// A piece of the world. Objects of which grids are picked have no normals and channels in there, and trees of
+    /// their own.
     ///
     /// # Errors
     /// No memory.
-    pub fn piece(&self, picks: &[Pick]) -> Result<Piece, WorldError> {
-        type Cut = (*const ObjectGeometry, usize, usize);
+    pub fn piece(&self, picks: &[Pick], trees: Trees) -> Result<Piece, WorldError> {
+        type Cut = (*const ObjectGeometry, *const u32);
         let mut cut: HashMap<Cut, Arc<ObjectGeometry>> = HashMap::new();
         let mut numbers = Vec::new();
         let mut sets = Vec::with_capacity(picks.len());
         for pick in picks {
             let whole = &self.world().sets[pick.set];
             let first = whole.first + pick.instances.start as u32;
-            let first_grid = pick.grids.as_ref().map_or(0, |grids| grids.start as u32);
-            numbers.extend((0..pick.instances.len() as u32).map(|i| (first + i, first_grid)));
+            numbers.extend((0..pick.instances.len() as u32).map(|i| InWhole {
+                instance: first + i,
+                grids: pick.grids.clone(),
+            }));
             let mut object = whole.set.object();
             if let Some(grids) = &pick.grids {
-                let key = (Arc::as_ptr(object), grids.start, grids.end);
+                let key = (Arc::as_ptr(object), grids.as_ptr());
                 object = cut.entry(key).or_insert_with(|| {
-                    let mesh = object.mesh().grids_of(grids.clone());
-                    Arc::new(ObjectGeometry::plain(mesh))
+                    let mesh = object.mesh().grids_of(grids);
+                    Arc::new(match trees {
+                        Trees::Now => ObjectGeometry::plain(mesh),
+                        Trees::Later => ObjectGeometry::later(mesh),
+                    })
                 });
             }
             sets.push(WorldSet {
@@ -61,7 +84,11 @@ impl Parts<'_> {
                 culled: whole.culled.clone(),
             });
         }
-        let world = World::new(sets, self.world().origin(), &NEVER)?;
+        let origin = self.world().origin();
+        let world = match trees {
+            Trees::Now => World::new(sets, origin, &NEVER)?,
+            Trees::Later => World::later(sets, origin, &NEVER)?,
+        };
         Ok(Piece { world, numbers })
     }
 }

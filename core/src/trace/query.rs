@@ -166,7 +166,7 @@ impl World {
             packed[v].time[lane] = clamp_time(ray.time);
         }
         let packed = &packed[..rays.len().div_ceil(LANES)];
-        let late = match &self.top {
+        let late = match &self.tops().top {
             TopTree::Static(tree) => {
                 self.top_packet::<S, _, false>(simd, tree, packed, lanes, &mut queries, room)
             }
@@ -306,7 +306,7 @@ impl World {
             return Hit::MISS;
         }
         stack.clear();
-        let late = match &self.top {
+        let late = match &self.tops().top {
             TopTree::Static(tree) => {
                 self.query_top::<_, _, CULL>(simd, tree, ray, &mut query, stack, counts)
             }

@@ -1,7 +1,7 @@
 //! The world: instances of objects under one tree, and the queries that a renderer asks of it.
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, OnceLock};
 
 use glam::{DAffine3, DVec3, Vec3};
 use hdtrapeze_simd::Level;
@@ -10,6 +10,7 @@ use rayon::prelude::*;
 use super::instance::{Bounded, InstanceTransform};
 use super::places::{InstanceSet, Record, Shift};
 use super::sides::Culled;
+use crate::alone::alone;
 use crate::bvh::build::{Item, NEVER, Nodes, build_items};
 use crate::bvh::{BvhStats, LinearBox, LinearSlabs, ObjectGeometry, StaticSlabs, Tree};
 
@@ -66,16 +67,61 @@ pub(super) const MOVERS: u32 = Tree::<StaticSlabs>::LEAF - 1;
 /// all of them at all times: where they are many, every ray would come by.
 const FEW_MOVERS: usize = 8;
 
+/// The tree over instances, and what stands apart.
+#[derive(Clone, Debug)]
+pub(super) struct Tops {
+    pub top: TopTree,
+    /// The item [`MOVERS`] of a static tree; elsewhere empty.
+    pub movers: Tree<LinearSlabs>,
+}
+
+impl Tops {
+    /// Once `cancel` is raised it ends soon, and is of no use.
+    fn new(mut items: Vec<Item>, cancel: &AtomicBool) -> Self {
+        let mut moving: Vec<Item> = Vec::new();
+        let movers = items.iter().filter(|item| !item.bounds.is_static()).count();
+        if few_move(movers, items.len()) {
+            moving.extend(items.extract_if(.., |item| !item.bounds.is_static()));
+            let boxes: Vec<(u32, LinearBox)> = moving.iter().map(|i| (i.id, i.bounds)).collect();
+            items.extend(common(&boxes).map(|bounds| Item {
+                bounds,
+                id: MOVERS,
+                along: Vec3::ZERO,
+            }));
+        }
+        let top = if items.iter().all(|item| item.bounds.is_static()) {
+            TopTree::Static(build_items(items, Nodes::Full, cancel))
+        } else {
+            TopTree::Moving(build_items(items, Nodes::Full, cancel))
+        };
+        let movers = build_items(moving, Nodes::Full, cancel);
+        Self { top, movers }
+    }
+}
+
+/// True where so many of all instances move that they have a tree of their own.
+pub fn few_move(movers: usize, all: usize) -> bool {
+    movers * FEW_MOVERS <= all
+}
+
+/// What cannot be hit.
+const NOTHING: Item = Item {
+    bounds: LinearBox::EMPTY,
+    id: 0,
+    along: Vec3::ZERO,
+};
+
 /// Everything rays can hit.
 #[derive(Clone, Debug)]
 pub struct World {
     pub(super) sets: Vec<Numbered>,
     /// The set of each instance.
     set_of: Vec<u32>,
-    pub(super) top: TopTree,
-    /// The item [`MOVERS`] of a static tree; elsewhere empty.
-    pub(super) movers: Tree<LinearSlabs>,
+    /// Set from the start, but where it was left for later.
+    tops: OnceLock<Tops>,
     pub(super) origin: DVec3,
+    /// What instances' bounds are widened for.
+    reach: f32,
     /// Bounds every instance's bounds, translation, and `sqrt(3) |M| radius`.
     pub(super) radius: f32,
     /// Largest condition of a transform.
@@ -106,9 +152,11 @@ pub struct WorldStats {
     pub left_out: u64,
     /// Different objects, but for those that are not made yet.
     pub objects: u64,
+    /// Those of them whose tree is here by now: the others' are made where they are asked for.
+    pub trees: u64,
     /// Objects' trees together; `cells` counts each object once.
     pub object: BvhStats,
-    /// Nodes of the tree over instances.
+    /// Nodes of the tree over instances, where that is here.
     pub top_nodes: u64,
     /// Bytes of the tree over instances, and of their transforms.
     pub top_bytes: u64,
@@ -123,6 +171,20 @@ impl World {
     /// # Panics
     /// No memory.
     pub fn build(instances: Vec<WorldInstance>, world_origin: DVec3) -> World {
+        let sets = Self::sets_of(instances);
+        Self::new(sets, world_origin, &NEVER).expect("memory for the instances")
+    }
+
+    /// The same as [`World::later`] leaves it.
+    ///
+    /// # Panics
+    /// No memory.
+    pub fn build_later(instances: Vec<WorldInstance>, world_origin: DVec3) -> World {
+        let sets = Self::sets_of(instances);
+        Self::later(sets, world_origin, &NEVER).expect("memory for the instances")
+    }
+
+    fn sets_of(instances: Vec<WorldInstance>) -> Vec<WorldSet> {
         let set = |i: WorldInstance| {
             let origin = i.object.mesh().origin;
             let set = match i.transform {
@@ -147,8 +209,7 @@ impl World {
                 culled: None,
             }
         };
-        let sets = instances.into_iter().map(set).collect();
-        Self::new(sets, world_origin, &NEVER).expect("memory for the instances")
+        instances.into_iter().map(set).collect()
     }
 
     /// Builds the tree over all instances, in parallel. Rays and answers are relative to
@@ -161,6 +222,35 @@ impl World {
         world_origin: DVec3,
         cancel: &AtomicBool,
     ) -> Result<World, WorldError> {
+        let (world, items) = Self::placed(sets, world_origin, cancel)?;
+        let tops = Tops::new(items, cancel);
+        if cancel.load(Ordering::Relaxed) {
+            return Err(WorldError::Cancelled);
+        }
+        Ok(World {
+            tops: OnceLock::from(tops),
+            ..world
+        })
+    }
+
+    /// The same without a tree over instances, which is made when a ray first asks for it, or by [`World::make_trees`].
+    ///
+    /// # Errors
+    /// As [`World::new`].
+    pub fn later(
+        sets: Vec<WorldSet>,
+        world_origin: DVec3,
+        cancel: &AtomicBool,
+    ) -> Result<World, WorldError> {
+        Self::placed(sets, world_origin, cancel).map(|(world, _)| world)
+    }
+
+    /// A world without a tree, and what that is to be made over.
+    fn placed(
+        sets: Vec<WorldSet>,
+        world_origin: DVec3,
+        cancel: &AtomicBool,
+    ) -> Result<(World, Vec<Item>), WorldError> {
         let total: u64 = sets.iter().map(|s| s.set.len() as u64).sum();
         let error = WorldError::OutOfMemory(total);
         if total >= u64::from(MOVERS) {
@@ -182,65 +272,125 @@ impl World {
                 culled,
             });
         }
-        let bounded = |i: usize, scratch: &mut Vec<DAffine3>| {
-            if cancel.load(Ordering::Relaxed) {
-                return None;
-            }
-            let set = &numbered[set_of[i] as usize];
-            Bounded::new(&set.set, i - set.first as usize, world_origin, scratch)
+        let mut world = World {
+            sets: numbered,
+            set_of,
+            tops: OnceLock::new(),
+            origin: world_origin,
+            reach: 0.0,
+            radius: 0.0,
+            condition: 1.0,
+            left_out: 0,
+            level: Level::best(),
         };
-        let (reach, condition) = (0..total)
+        (world.reach, world.condition) = (0..total)
             .into_par_iter()
             .with_min_len(1024)
             .map_init(Vec::new, |scratch, i| {
-                bounded(i, scratch).map_or((0.0, 1.0), |b| (b.reach, b.condition))
+                if cancel.load(Ordering::Relaxed) {
+                    return (0.0, 1.0);
+                }
+                let bounded = world.bounded(i, scratch);
+                bounded.map_or((0.0, 1.0), |b| (b.reach, b.condition))
             })
             .reduce(|| (0.0f32, 1.0f32), |a, b| (a.0.max(b.0), a.1.max(b.1)));
-        // Bounds are found a second time rather than kept: they are as large as the tree.
-        (0..total)
-            .into_par_iter()
-            .with_min_len(1024)
-            .map_init(Vec::new, |scratch, i| {
-                let bounds = bounded(i, scratch).map(|b| b.bounds.widen(b.pad(reach)));
-                Item {
-                    bounds: bounds.unwrap_or(LinearBox::EMPTY),
-                    id: i as u32,
-                    along: Vec3::ZERO,
-                }
-            })
-            .collect_into_vec(&mut items);
-        items.retain(|item| item.bounds != LinearBox::EMPTY);
-        let left_out = (total - items.len()) as u64;
-        let radius = items
-            .par_iter()
-            .map(|item| item.bounds.max_abs())
-            .reduce(|| reach, f32::max);
-        let mut moving: Vec<Item> = Vec::new();
-        let movers = items.iter().filter(|item| !item.bounds.is_static()).count();
-        if movers * FEW_MOVERS <= items.len() {
-            moving.extend(items.extract_if(.., |item| !item.bounds.is_static()));
-            items.extend(common(&moving));
-        }
-        let top = if items.iter().all(|item| item.bounds.is_static()) {
-            TopTree::Static(build_items(items, Nodes::Full, cancel))
-        } else {
-            TopTree::Moving(build_items(items, Nodes::Full, cancel))
-        };
-        let movers = build_items(moving, Nodes::Full, cancel);
+        world.bound_all(&mut items, cancel);
         if cancel.load(Ordering::Relaxed) {
             return Err(WorldError::Cancelled);
         }
-        Ok(World {
-            sets: numbered,
-            set_of,
-            top,
-            movers,
-            origin: world_origin,
-            radius,
-            condition,
-            left_out,
-            level: Level::best(),
+        world.left_out = (total - items.len()) as u64;
+        world.radius = items
+            .par_iter()
+            .map(|item| item.bounds.max_abs())
+            .reduce(|| world.reach, f32::max);
+        Ok((world, items))
+    }
+
+    fn bounded(&self, i: usize, scratch: &mut Vec<DAffine3>) -> Option<Bounded> {
+        let set = &self.sets[self.set_of[i] as usize];
+        Bounded::new(&set.set, i - set.first as usize, self.origin, scratch)
+    }
+
+    /// What is known of an instance where the tree over them is made; its bounds are empty where it cannot be hit.
+    fn item(&self, i: usize, scratch: &mut Vec<DAffine3>) -> Item {
+        let bounds = self.bounded(i, scratch);
+        let bounds = bounds.map(|b| b.bounds.widen(b.pad(self.reach)));
+        Item {
+            bounds: bounds.unwrap_or(LinearBox::EMPTY),
+            id: i as u32,
+            along: Vec3::ZERO,
+        }
+    }
+
+    /// All instances that can be hit. Bounds are found a second time rather than kept: they are as large as the tree.
+    fn bound_all(&self, items: &mut Vec<Item>, cancel: &AtomicBool) {
+        let bound = |scratch: &mut Vec<DAffine3>, i: usize| match cancel.load(Ordering::Relaxed) {
+            true => NOTHING,
+            false => self.item(i, scratch),
+        };
+        (0..self.set_of.len())
+            .into_par_iter()
+            .with_min_len(1024)
+            .map_init(Vec::new, bound)
+            .collect_into_vec(items);
+        items.retain(|item| item.bounds != LinearBox::EMPTY);
+    }
+
+    /// The bounds of each instance that can be hit, by number: what a tree over instances is made over.
+    pub fn boxes(&self) -> Vec<(u32, LinearBox)> {
+        let mut items = Vec::new();
+        self.bound_all(&mut items, &NEVER);
+        let boxes = items.into_iter().map(|item| (item.id, item.bounds));
+        boxes.collect()
+    }
+
+    /// The tree over instances, which is made where it was left for later, on a thread of its own.
+    #[inline]
+    pub(super) fn tops(&self) -> &Tops {
+        match self.tops.get() {
+            Some(tops) => tops,
+            None => self.tops_alone(),
+        }
+    }
+
+    #[cold]
+    fn tops_alone(&self) -> &Tops {
+        self.tops.get_or_init(|| {
+            let mut scratch = Vec::new();
+            // By this thread alone, which takes up no other work meanwhile.
+            let items = (0..self.set_of.len()).map(|i| self.item(i, &mut scratch));
+            let items = items.filter(|item| item.bounds != LinearBox::EMPTY);
+            let items: Vec<Item> = items.collect();
+            // Without a thread there is no memory either.
+            let tops = alone(move || Tops::new(items, &NEVER));
+            tops.unwrap_or_else(|_| Tops::new(Vec::new(), &NEVER))
         })
+    }
+
+    /// Makes all trees that were left for later, in parallel, before rays ask for one after the other; until `cancel` is
+    /// raised.
+    pub fn make_trees(&self, cancel: &AtomicBool) {
+        let goes_on = || !cancel.load(Ordering::Relaxed);
+        let later = self.objects().into_par_iter();
+        let later = later.filter(|object| goes_on() && !object.has_tree());
+        later.for_each(|object| object.make_tree());
+        if self.tops.get().is_none() && goes_on() {
+            let mut items = Vec::new();
+            self.bound_all(&mut items, cancel);
+            let tops = Tops::new(items, cancel);
+            if goes_on() {
+                // Nothing is lost where another was faster.
+                let _ = self.tops.set(tops);
+            }
+        }
+    }
+
+    /// All objects, but for those that are not made yet, each once.
+    fn objects(&self) -> Vec<&Arc<ObjectGeometry>> {
+        let mut objects: Vec<_> = self.sets.iter().filter_map(Numbered::made).collect();
+        objects.sort_unstable_by_key(|o| Arc::as_ptr(o));
+        objects.dedup_by_key(|o| Arc::as_ptr(o));
+        objects
     }
 
     /// Set and number in it of an instance.
@@ -280,14 +430,15 @@ impl World {
 
     /// Numbers about the world.
     pub fn stats(&self) -> WorldStats {
-        let made = |s| Numbered::made(s);
-        let mut objects: Vec<&Arc<ObjectGeometry>> = self.sets.iter().filter_map(made).collect();
-        objects.sort_unstable_by_key(|o| Arc::as_ptr(o));
-        objects.dedup_by_key(|o| Arc::as_ptr(o));
-        let (top_nodes, tree_bytes) = match &self.top {
-            TopTree::Static(t) => (t.nodes.len(), t.bytes()),
-            TopTree::Moving(t) => (t.nodes.len(), t.bytes()),
-        };
+        let objects = self.objects();
+        let (top_nodes, tree_bytes) = self.tops.get().map_or((0, 0), |tops| {
+            let (nodes, bytes) = match &tops.top {
+                TopTree::Static(t) => (t.nodes.len(), t.bytes()),
+                TopTree::Moving(t) => (t.nodes.len(), t.bytes()),
+            };
+            let movers = &tops.movers;
+            (nodes + movers.nodes.len(), bytes + movers.bytes())
+        });
         let places: usize = self
             .sets
             .iter()
@@ -301,31 +452,24 @@ impl World {
             object: objects
                 .iter()
                 .fold(BvhStats::default(), |s, o| s.plus(o.stats())),
-            top_nodes: (top_nodes + self.movers.nodes.len()) as u64,
-            top_bytes: (tree_bytes
-                + self.movers.bytes()
-                + places
-                + size_of_val(self.set_of.as_slice())) as u64,
+            trees: objects.iter().filter(|o| o.has_tree()).count() as u64,
+            top_nodes: top_nodes as u64,
+            top_bytes: (tree_bytes + places + size_of_val(self.set_of.as_slice())) as u64,
             instanced_cells: self.sets.iter().map(cells).sum(),
         }
     }
 }
 
-/// All that move as one item that does not; none where nothing moves.
-fn common(moving: &[Item]) -> Option<Item> {
-    let all = moving.iter().map(|item| item.bounds);
+/// A box that does not move and holds these at all times; none where there are none.
+pub fn common(moving: &[(u32, LinearBox)]) -> Option<LinearBox> {
+    let all = moving.iter().map(|&(_, bounds)| bounds);
     let all = all.reduce(|a, b| a.union(&b))?;
     let (lo, hi) = (all.lo0.min(all.lo1), all.hi0.max(all.hi1));
-    let bounds = LinearBox {
+    Some(LinearBox {
         lo0: lo,
         hi0: hi,
         lo1: lo,
         hi1: hi,
-    };
-    Some(Item {
-        bounds,
-        id: MOVERS,
-        along: Vec3::ZERO,
     })
 }
 

@@ -123,7 +123,10 @@ fn offer(best: ptr<function, Hit>, w: vec3<f32>, z: vec3<f32>, second: bool, ray
 
 // Tests one group.
 fn test_group(best: ptr<function, Hit>, rect: Rect, object: Object, ray: CellRay, t_min: f32, instance: u32) {
-    let grid = object.first_grid + rect.grid;
+    var grid = rect.grid;
+    if object.numbers != 0xffffffffu {
+        grid = words[object.numbers + grid];
+    }
     let header = object.grids + 3u * rect.grid;
     let first_vertex = words[header];
     let rates = words[header + 2u];

@@ -60,8 +60,9 @@ struct Object {
     key_count: u32,
     // Largest magnitude of any coordinate or bound.
     radius: f32,
-    // Number of its first grid in the whole object, where a page has only some of its grids.
-    first_grid: u32,
+    // First word of the numbers that its grids have in the whole object, where a page has only some of them; 0xffffffff
+    // where they are all there.
+    numbers: u32,
 }
 
 // One instance of an object.
@@ -298,4 +299,6 @@ struct BuildOutcome {
     need: u32,
     // Largest magnitude of any coordinate or bound.
     radius: f32,
+    // Areas of all nodes, in parts of the root's: about the nodes that a ray opens which meets that.
+    cost: f32,
 }

@@ -10,13 +10,22 @@ const FACTS: u32 = 7u;
 @group(0) @binding(2) var<storage, read> slots: array<u32>;
 @group(0) @binding(3) var<storage, read> references: array<u32>;
 @group(0) @binding(4) var<storage, read_write> nodes: array<u32>;
-// Of each node: entries of the stack that a walk below it needs, and the bits of the largest magnitude of a plane.
-@group(0) @binding(5) var<storage, read_write> heights: array<vec2<u32>>;
+@group(0) @binding(5) var<storage, read_write> heights: array<Height>;
 @group(0) @binding(6) var<storage, read> roots: array<u32>;
 // As in items.wgsl.
 @group(0) @binding(7) var<storage, read> facts: array<i32>;
 // Of each object: the reference to its root, the entries of the stack that it needs, and the bits of its radius.
 @group(0) @binding(8) var<storage, read_write> outcomes: array<BuildOutcome>;
+
+// What is below a node, itself included.
+struct Height {
+    // Entries of the stack that a walk needs.
+    need: u32,
+    // The bits of the largest magnitude of a plane.
+    reach: u32,
+    // Areas of all nodes.
+    area: f32,
+}
 
 // The reference to what a slot holds.
 fn reference(held: u32) -> u32 {
@@ -41,7 +50,7 @@ fn refit(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) group
     var end: array<Ends, 8>;
     var all = Box(nothing(), nothing());
     var count = 0u;
-    var height = vec2<u32>(0u);
+    var below = Height(0u, 0u, 0.0);
     for (var slot = 0u; slot < SLOTS; slot++) {
         let held = slots[number * SLOTS + slot];
         nodes[at + LATTICE_WORDS + slot] = reference(held);
@@ -54,7 +63,10 @@ fn refit(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) group
             box = box_at(held & ~LEAF);
         } else {
             box = box_at(launch.items + held);
-            height = max(height, heights[held]);
+            let height = heights[held];
+            below.need = max(below.need, height.need);
+            below.reach = max(below.reach, height.reach);
+            below.area += height.area;
         }
         start[count] = box.start;
         end[count] = box.end;
@@ -68,7 +80,7 @@ fn refit(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) group
     nodes[at + LATTICE_WORDS + SLOTS] = 0u;
     nodes[at + LATTICE_WORDS + SLOTS + 1u] = (1u << count) - 1u;
     store_box(launch.items + number, all);
-    heights[number] = vec2<u32>(height.x + count - 1u, max(height.y, bitcast<u32>(reach)));
+    heights[number] = Height(below.need + count - 1u, max(below.reach, bitcast<u32>(reach)), below.area + area(all));
 }
 
 @compute @workgroup_size(64)
@@ -79,10 +91,13 @@ fn tell(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
         return;
     }
     let root = roots[object];
-    var height = vec2<u32>(0u);
+    var height = Height(0u, 0u, 0.0);
+    var cost = 0.0;
     if (root & LEAF) == 0u {
         height = heights[root];
+        let whole = area(box_at(launch.items + root));
+        cost = select(0.0, height.area / max(whole, 1.0e-30), whole > 1.0e-30);
     }
-    let radius = max(height.y, u32(facts[FACTS * object + 6u]));
-    outcomes[object] = BuildOutcome(reference(root), height.x, bitcast<f32>(radius));
+    let radius = max(height.reach, u32(facts[FACTS * object + 6u]));
+    outcomes[object] = BuildOutcome(reference(root), height.need, bitcast<f32>(radius), cost);
 }

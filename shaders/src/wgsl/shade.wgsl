@@ -40,7 +40,8 @@ struct Cell {
 }
 
 fn cell_of(object: Object, hit: Hit) -> Cell {
-    let header = object.grids + 3u * (hit.grid - object.first_grid);
+    // What is shaded is on one page: all grids are there.
+    let header = object.grids + 3u * hit.grid;
     let rates = words[header + 2u];
     let nu = rates & 0xffffu;
     let a = hit.cell / nu * (nu + 1u) + hit.cell % nu;

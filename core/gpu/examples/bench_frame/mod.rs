@@ -15,8 +15,9 @@ use hdtrapeze_core::render::{
     Elsewhere, Frame, Prepared, RayTracer, RenderControl, Stage, prepare, render_with,
 };
 use hdtrapeze_core::scene::{
-    CameraDesc, Geometry, ImplicitDesc, ImplicitKind, Interpolation, MeshDesc, PointsSamples,
-    PrimCommon, PrimDesc, PrimId, PrimvarDesc, RenderSettings, Scene, TransformSamples,
+    Backend, CameraDesc, Geometry, ImplicitDesc, ImplicitKind, Interpolation, MeshDesc,
+    PointsSamples, PrimCommon, PrimDesc, PrimId, PrimvarDesc, RenderSettings, Scene,
+    TransformSamples,
 };
 use hdtrapeze_core::surface::{MeshTopology, Scheme};
 use hdtrapeze_gpu::{Device, GpuFrame, Stages};
@@ -130,6 +131,8 @@ fn scene(samples: u32) -> Scene {
         resolution: SIZE,
         samples,
         occlusion_culling: false,
+        // It makes all trees.
+        backend: Backend::Gpu,
         aovs: ["color", "primId", "elementId"].map(str::to_owned).to_vec(),
         ..RenderSettings::default()
     });
@@ -189,9 +192,13 @@ pub fn run(device: &Arc<Device>, samples: u32, different: f64) -> Result<(), Box
     let stages = Arc::new(Stages::new(device));
     let on_gpu = GpuFrame::new(stages, &prepared)?;
     let mib = on_gpu.bytes() as f64 / f64::from(1 << 20);
+    let here = prepared.world().stats();
     println!(
-        "uploaded in {:.2} s: {mib:.0} MiB",
-        start.elapsed().as_secs_f64()
+        "uploaded in {:.2} s: {mib:.0} MiB; {}; {} of {} trees made on the CPU",
+        start.elapsed().as_secs_f64(),
+        on_gpu.explain(),
+        here.trees,
+        here.objects,
     );
     if on_gpu.stages() != (Stage::Generate..=Stage::Film) {
         return Err(on_gpu.explain().into());

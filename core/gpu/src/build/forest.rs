@@ -24,6 +24,19 @@ pub(crate) struct Forest {
 }
 
 impl Forest {
+    /// A single tree over so many boxes, which are known already: it has neither grids nor blocks.
+    pub fn over(boxes: u32, moves: bool) -> Self {
+        Self {
+            moves,
+            objects: vec![BuildObject::default()],
+            numbers: Vec::new(),
+            starts: vec![[0, 0]],
+            items: boxes,
+            blocks: 0,
+            most_items: boxes,
+        }
+    }
+
     /// Adds an object, which the scene has under `number`. False where there are more items than can be numbered.
     #[must_use]
     pub fn add(&mut self, mesh: &PlanarMesh, number: u32, object: &Object) -> bool {
@@ -41,20 +54,34 @@ impl Forest {
             if !sound {
                 continue;
             }
-            let loose = loose_count(g, grid);
-            let blocks = match loose {
-                0 => block::cut(g, grid).count() as u32,
-                _ => 0,
-            };
+            let (items, blocks) = items_of(g, grid);
             // The highest bits mark what a number is of.
             if self.items >= 1 << 29 {
                 return false;
             }
-            self.items += loose + blocks;
+            self.items += items;
             self.blocks += blocks;
         }
         self.most_items = self.most_items.max(self.items - first);
         true
+    }
+
+    /// True where the same trees may be over both, wherever grids and vertices are.
+    pub fn is_alike(&self, other: &Self) -> bool {
+        let keys = |forest: &Self| -> Vec<u32> {
+            let objects = forest.objects.iter();
+            objects.map(|object| object.key_count).collect()
+        };
+        self.moves == other.moves
+            && self.numbers == other.numbers
+            && self.starts == other.starts
+            && self.items == other.items
+            && keys(self) == keys(other)
+            && self.firsts().eq(other.firsts())
+    }
+
+    fn firsts(&self) -> impl Iterator<Item = u32> {
+        self.objects.iter().map(|object| object.first_grid)
     }
 
     /// Units of 16 bytes of a node.
@@ -86,6 +113,17 @@ impl Forest {
 
     fn object_bits(&self) -> u32 {
         u32::BITS - (self.objects.len() as u32).leading_zeros()
+    }
+}
+
+/// Items of grid `number`, and how many of them are blocks: all, or none.
+pub(crate) fn items_of(number: u32, grid: &Grid) -> (u32, u32) {
+    match loose_count(number, grid) {
+        0 => {
+            let blocks = block::cut(number, grid).count() as u32;
+            (blocks, blocks)
+        }
+        loose => (loose, 0),
     }
 }
 

@@ -11,7 +11,12 @@
 //! **Where trees differ from core's.** They are not in a carried space nor turned along strands, no block is halved, and
 //! all strips are loose. Blocks are turned along their lattices, as core's.
 //!
-//! **Moved vertices.** Where only vertices have changed, [`GpuScene::refit`] bounds all anew and keeps the shape of trees.
+//! **Instances.** The tree over them is made in the same way, over the bounds that core proves of each, and anew whenever
+//! something moves. Few that move have a tree of their own, as core's.
+//!
+//! **Moved vertices.** Where only vertices have changed, [`GpuScene::refit`] bounds all anew and keeps the shape of trees,
+//! unless surface area says that they have become too bad: what a ray opens of a tree that meets its root is, about, the sum
+//! of the areas of all nodes in parts of the root's.
 //!
 //! A tree that needs a deeper stack than there is (boxes inside boxes, mostly) is made on the CPU instead.
 
@@ -22,9 +27,10 @@ mod trees;
 use std::sync::Arc;
 
 use bytemuck::cast_slice;
-use hdtrapeze_core::bvh::Tree;
+use hdtrapeze_core::bvh::{LinearBox, Tree};
 use hdtrapeze_core::trace::World;
-use hdtrapeze_shaders::layout::BuildOutcome;
+use hdtrapeze_core::trace::piece::{InWhole, Trees as WhereTrees};
+use hdtrapeze_core::trace::world::{common, few_move};
 use hdtrapeze_shaders::stage::BuildStage;
 use wgpu::BufferUsages as Usage;
 
@@ -32,9 +38,10 @@ use super::scene::{self, Arrays, MOVES, Made, Page, Start, Unit, upload};
 use super::{Device, GpuError, GpuScene};
 use forest::Forest;
 use kernels::{Clock, Kernels};
-use trees::{Places, Unmade};
+use trees::{Places, Trees, Unmade};
 
-pub(crate) use trees::Trees;
+/// Trees that are refitted may cost so much more than when they were made; beyond, they are made anew.
+const WORSE: f32 = 1.25;
 
 /// Makes trees on a device. Pipelines are compiled once for each permutation.
 #[derive(Debug)]
@@ -89,8 +96,16 @@ impl Maker<'_> {
         }
     }
 
+    /// Whether the CPU makes trees.
+    pub fn trees(&self) -> WhereTrees {
+        match self {
+            Maker::Host(_) => WhereTrees::Now,
+            Maker::Device(..) => WhereTrees::Later,
+        }
+    }
+
     /// Lays out a page; see [`Page::new`].
-    pub fn page(&self, world: &World, numbers: &[(u32, u32)], most: u64) -> Result<Page, GpuError> {
+    pub fn page(&self, world: &World, numbers: &[InWhole], most: u64) -> Result<Page, GpuError> {
         if let Maker::Device(builder, keep) = self {
             match builder.page(world, numbers, most, *keep) {
                 Ok(page) => return Ok(page),
@@ -120,8 +135,8 @@ impl GpuScene {
     }
 
     /// Takes over `world`, whose vertices, matrices and key times may differ from those that the scene was made of, but not its
-    /// grids. False where they do, where nothing was kept to refit, or where other grids than before cannot be traced:
-    /// the scene is then as it was, and is to be built anew.
+    /// grids. False where they do, where nothing was kept to refit, where other grids than before cannot be traced, or where
+    /// a tree has become much worse than it was: the scene is then as it was, and is to be built anew.
     ///
     /// # Errors
     /// As [`GpuScene::new`].
@@ -146,46 +161,52 @@ impl GpuScene {
     }
 }
 
+/// What is needed to refit the trees of a page.
+#[derive(Debug)]
+pub(crate) struct Refits {
+    /// Of objects.
+    forests: Vec<Trees>,
+}
+
 /// A world laid out, and the forests whose trees are to be made.
 struct Laid {
     arrays: Arrays,
     forests: Vec<(Forest, Places)>,
-    start: Start,
     /// The first unit after all blocks.
     end: u32,
 }
 
-/// The tree over instances is made by the CPU, and stands before all blocks. Another world's may be larger by a quarter.
-fn room(top: usize) -> usize {
-    top + top / 4
+/// The tree over instances: of all, or of those that do not move and, as one of its items, another of the few that do.
+struct Tops {
+    movers: Option<Trees>,
+    /// None where there are no instances.
+    all: Option<Trees>,
+    /// Which item of `all` stands for the movers.
+    apart: u32,
 }
 
 fn too_much() -> GpuError {
     GpuError::Unsupported("more than 2^30 units of nodes or 2^32 coordinates".to_owned())
 }
 
-/// Lays out a world; blocks begin at place `first`, where that is known and there is room.
-fn laid(world: &World, numbers: &[(u32, u32)], first: Option<usize>) -> Result<Laid, GpuError> {
+/// Lays out a world; blocks come first among the nodes.
+fn laid(world: &World, numbers: &[InWhole]) -> Result<Laid, GpuError> {
     let mut arrays = Arrays::new();
     let parts = world.parts();
     let mut forests = [false, true].map(|moves| Forest {
         moves,
         ..Forest::default()
     });
-    arrays.instances(&parts, numbers, |arrays, object, first_grid| {
+    arrays.instances(&parts, numbers, |arrays, object, grids| {
         let (mesh, number) = (object.mesh(), arrays.objects.len());
-        arrays.mesh(mesh, first_grid, Tree::<()>::EMPTY, 0.0);
+        arrays.mesh(mesh, grids, Tree::<()>::EMPTY, 0.0);
         let forest = &mut forests[usize::from(mesh.is_moving())];
         match forest.add(mesh, number as u32, &arrays.objects[number]) {
             true => Ok(()),
             false => Err(too_much()),
         }
     })?;
-    let start = arrays.top(&parts);
-    let top = arrays.nodes.len();
-    let first = first.unwrap_or_else(|| room(top)).max(top);
-    arrays.nodes.resize(first, [0; 4]);
-    let mut end = arrays.nodes.len() as u64;
+    let mut end = 0;
     let mut placed = Vec::new();
     for forest in forests.into_iter().filter(|forest| forest.items > 0) {
         let places = Places {
@@ -204,7 +225,6 @@ fn laid(world: &World, numbers: &[(u32, u32)], first: Option<usize>) -> Result<L
     Ok(Laid {
         arrays,
         forests: placed,
-        start,
         end: end as u32,
     })
 }
@@ -225,13 +245,13 @@ impl TreeBuilder {
     fn page(
         &self,
         world: &World,
-        numbers: &[(u32, u32)],
+        numbers: &[InWhole],
         most: u64,
         keep: bool,
     ) -> Result<Page, Unmade> {
         let device = self.device();
         let mut clock = self.kernels.clock();
-        let mut laid = laid(world, numbers, None)?;
+        let mut laid = laid(world, numbers)?;
         let vertices = self.vertices(&laid.arrays, most)?;
         let mut made = Vec::new();
         for (forest, places) in std::mem::take(&mut laid.forests) {
@@ -244,8 +264,9 @@ impl TreeBuilder {
                 vertices,
             )?);
         }
+        let tops = self.tops(&mut clock, world)?;
         let trees = made.iter().map(|(trees, _)| trees);
-        let nodes = self.nodes(&laid, trees, most)?;
+        let nodes = self.nodes(&laid, trees.chain(tops.trees()), most)?;
         let mut encoder = device.device.create_command_encoder(&Default::default());
         for (trees, blocks) in &made {
             let unit = size_of::<Unit>() as u64;
@@ -254,47 +275,96 @@ impl TreeBuilder {
             encoder.copy_buffer_to_buffer(blocks, 0, &nodes, to * unit, bytes);
         }
         device.queue.submit([encoder.finish()]);
-        let trees: Vec<Trees> = made.into_iter().map(|(trees, _)| trees).collect();
-        let mut page = self.finished(&mut clock, world, laid, (nodes, vertices), &trees, most)?;
+        let mut trees: Vec<Trees> = made.into_iter().map(|(trees, _)| trees).collect();
+        let buffers = (nodes, vertices);
+        let (mut page, costs) =
+            self.finished(&mut clock, world, laid, buffers, (&trees, &tops), most)?;
+        for (trees, costs) in trees.iter_mut().zip(costs) {
+            trees.costs = costs;
+        }
         page.made = Made {
-            trees: if keep { trees } else { Vec::new() },
+            there: true,
+            trees: keep.then_some(Refits { forests: trees }),
             seconds: self.kernels.seconds(&clock)?,
         };
         Ok(page)
     }
 
     fn refit(&self, page: &mut Page, world: &World) -> Result<bool, GpuError> {
-        let trees = &page.made.trees;
-        let Some(first) = trees.first().map(|trees| trees.places.blocks as usize) else {
+        let Some(Refits { forests }) = &mut page.made.trees else {
             return Ok(false);
         };
         let most = self.device().largest();
         let mut clock = self.kernels.clock();
-        let laid = laid(world, &scene::all(world), Some(first))?;
-        let of_trees = trees.iter().map(|trees| (&trees.forest, &trees.places));
-        if !of_trees.eq(laid.forests.iter().map(|(forest, places)| (forest, places))) {
+        let mut laid = laid(world, &scene::all(world))?;
+        let now = laid.forests.iter().map(|(forest, _)| forest);
+        let same = |(trees, now): (&Trees, &Forest)| trees.forest.is_alike(now);
+        if forests.len() != now.len() || !forests.iter().zip(now).all(same) {
             return Ok(false);
         }
+        for (trees, (forest, places)) in forests.iter_mut().zip(laid.forests.drain(..)) {
+            trees.now_at(self.device(), forest, places);
+        }
         let vertices = self.vertices(&laid.arrays, most)?;
-        let nodes = self.nodes(&laid, trees.iter(), most)?;
-        for trees in trees {
+        let tops = match self.tops(&mut clock, world) {
+            Err(Unmade::Failed(error)) => return Err(error),
+            Err(Unmade::Deep) => return Ok(false),
+            Ok(tops) => tops,
+        };
+        let nodes = self.nodes(&laid, forests.iter().chain(tops.trees()), most)?;
+        for trees in &*forests {
             let vertices = (&vertices[0], &vertices[1]);
             if !trees.rebound(&self.kernels, &mut clock, vertices, &nodes)? {
                 return Ok(false);
             }
         }
-        let refitted = self.finished(&mut clock, world, laid, (nodes, vertices), trees, most);
-        let mut refitted = match refitted {
+        let buffers = (nodes, vertices);
+        let refitted = self.finished(&mut clock, world, laid, buffers, (forests, &tops), most);
+        let (mut refitted, costs) = match refitted {
             Err(Unmade::Failed(error)) => return Err(error),
             Err(Unmade::Deep) => return Ok(false),
             Ok(refitted) => refitted,
         };
+        let mut pairs = forests
+            .iter()
+            .zip(&costs)
+            .flat_map(|(trees, costs)| trees.costs.iter().zip(costs));
+        // Also where it is NaN.
+        if !pairs.all(|(before, now)| *now <= WORSE * before.max(1.0)) {
+            return Ok(false);
+        }
         refitted.made = Made {
-            trees: std::mem::take(&mut page.made.trees),
+            there: true,
+            trees: page.made.trees.take(),
             seconds: self.kernels.seconds(&clock)?,
         };
         *page = refitted;
         Ok(true)
+    }
+
+    /// Makes the tree over the instances of a world.
+    fn tops(&self, clock: &mut Clock, world: &World) -> Result<Tops, Unmade> {
+        let boxes = world.boxes().into_iter();
+        let boxes = boxes.map(|(number, bounds)| (number | Tree::<()>::LEAF, bounds));
+        let (mut moving, mut all): (Vec<_>, Vec<_>) = boxes.partition(|(_, b)| !b.is_static());
+        let apart = all.len() as u32;
+        if few_move(moving.len(), moving.len() + all.len()) {
+            all.extend(common(&moving).map(|bounds| (Tree::<()>::EMPTY, bounds)));
+        } else {
+            all.append(&mut moving);
+        }
+        let mut over = |boxes: &[(u32, LinearBox)]| {
+            if boxes.is_empty() {
+                return Ok(None);
+            }
+            let moves = boxes.iter().any(|(_, b)| !b.is_static());
+            Trees::over(&self.kernels, clock, boxes, moves).map(Some)
+        };
+        Ok(Tops {
+            movers: over(&moving)?,
+            all: over(&all)?,
+            apart,
+        })
     }
 
     /// Vertices and words.
@@ -306,7 +376,7 @@ impl TreeBuilder {
         ])
     }
 
-    /// A buffer for all nodes and blocks; the tree over instances is in it.
+    /// A buffer for all nodes and blocks.
     fn nodes<'a>(
         &self,
         laid: &Laid,
@@ -314,9 +384,7 @@ impl TreeBuilder {
         most: u64,
     ) -> Result<wgpu::Buffer, GpuError> {
         let device = self.device();
-        let nodes =
-            trees.map(|trees| u64::from(trees.node_count()) * u64::from(trees.forest.node_units()));
-        let units = u64::from(laid.end) + nodes.sum::<u64>();
+        let units = u64::from(laid.end) + trees.map(units).sum::<u64>();
         if units >= u64::from(MOVES) {
             return Err(too_much());
         }
@@ -325,54 +393,76 @@ impl TreeBuilder {
             return Err(device.too_large("nodes", bytes, most));
         }
         let usage = Usage::STORAGE | Usage::COPY_DST | Usage::COPY_SRC;
-        let buffer = device.buffer("nodes", bytes, usage)?;
-        let top = cast_slice(&laid.arrays.nodes);
-        device.queue.write_buffer(&buffer, 0, top);
-        Ok(buffer)
+        device.buffer("nodes", bytes, usage)
     }
 
-    /// Makes the bounds of nodes; what became of objects is known then, and all is there that rays need.
+    /// Makes the bounds of nodes; what became of objects is known then, and all is there that rays need. Gives what the
+    /// trees of each forest cost.
     fn finished(
         &self,
         clock: &mut Clock,
         world: &World,
         laid: Laid,
         (nodes, [planes, words]): (wgpu::Buffer, [wgpu::Buffer; 2]),
-        trees: &[Trees],
+        (forests, tops): (&[Trees], &Tops),
         most: u64,
-    ) -> Result<Page, Unmade> {
+    ) -> Result<(Page, Vec<Vec<f32>>), Unmade> {
         let Laid {
             mut arrays,
-            start,
             end: mut first,
             ..
         } = laid;
-        let mut deepest = 0;
-        for trees in trees {
-            let outcomes = trees.refit(&self.kernels, clock, &nodes, first)?;
-            for (&number, outcome) in trees.forest.numbers.iter().zip(outcomes) {
-                let BuildOutcome { root, need, radius } = outcome;
-                let object = &mut arrays.objects[number as usize];
-                (object.root, object.radius) = (root, radius);
-                deepest = deepest.max(need);
-            }
-            first += trees.node_count() * trees.forest.node_units();
-        }
-        let start = Start {
-            need: start.need + deepest,
-            ..start
+        let mut refit = |trees: &Trees| {
+            let outcomes = trees.refit(&self.kernels, clock, &nodes, first);
+            first += units(trees) as u32;
+            outcomes
         };
+        let mut costs = Vec::new();
+        let mut deepest = 0;
+        for trees in forests {
+            let outcomes = refit(trees)?;
+            for (&number, outcome) in trees.forest.numbers.iter().zip(&outcomes) {
+                let object = &mut arrays.objects[number as usize];
+                (object.root, object.radius) = (outcome.root, outcome.radius);
+                deepest = deepest.max(outcome.need);
+            }
+            costs.push(outcomes.iter().map(|outcome| outcome.cost).collect());
+        }
+        let mut start = Start {
+            root: Tree::<()>::EMPTY,
+            need: deepest,
+        };
+        let mut radius = world.radius();
+        for (trees, is_all) in [(&tops.movers, false), (&tops.all, true)] {
+            let Some(trees) = trees else {
+                continue;
+            };
+            arrays.time |= trees.forest.moves;
+            for outcome in refit(trees)? {
+                radius = radius.max(outcome.radius);
+                start.need += outcome.need;
+                match (is_all, &tops.all) {
+                    (false, Some(all)) => all.refer(self.device(), tops.apart, outcome.root),
+                    _ => start.root = outcome.root,
+                }
+            }
+        }
         if start.stack().is_err() {
             return Err(Unmade::Deep);
         }
         let buffers = [nodes, planes, words];
-        Ok(Page::of(
-            self.device(),
-            world,
-            &arrays,
-            buffers,
-            start,
-            most,
-        )?)
+        let page = Page::of(self.device(), world, &arrays, buffers, start, most)?;
+        Ok((Page { radius, ..page }, costs))
     }
+}
+
+impl Tops {
+    fn trees(&self) -> impl Iterator<Item = &Trees> {
+        self.movers.iter().chain(&self.all)
+    }
+}
+
+/// Units of all nodes of a forest.
+fn units(trees: &Trees) -> u64 {
+    u64::from(trees.node_count()) * u64::from(trees.forest.node_units())
 }

@@ -1,6 +1,8 @@
 //! A forest on the device: made once, and made anew where vertices have moved.
 
 use bytemuck::cast_slice;
+use glam::Vec3;
+use hdtrapeze_core::bvh::LinearBox;
 use hdtrapeze_shaders::layout::{BuildLaunch, BuildOutcome, BuildState};
 use hdtrapeze_shaders::stage::{BuildStage, SORT_BITS, SORT_TILE};
 use wgpu::BufferUsages as Usage;
@@ -23,7 +25,7 @@ const FACTS: usize = 7;
 const NONE: u32 = u32::MAX;
 
 /// Where things are in the buffers of the scene.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Places {
     /// Place of the first block.
     pub blocks: u32,
@@ -49,6 +51,8 @@ pub(crate) struct Trees {
     levels: Vec<u32>,
     /// As `facts` has them: a bit for each grid that was left out.
     dropped: Vec<u32>,
+    /// Of each object what its tree cost when it was made.
+    pub costs: Vec<f32>,
 }
 
 /// Why trees of a forest are not made on the device.
@@ -62,6 +66,12 @@ impl From<GpuError> for Unmade {
     fn from(error: GpuError) -> Self {
         Self::Failed(error)
     }
+}
+
+/// The integer of a float, in the order of floats; as `boxes.wgsl` has it.
+fn ordered(x: f32) -> i32 {
+    let bits = x.to_bits() as i32;
+    bits ^ ((bits >> 31) & 0x7fff_ffff)
 }
 
 fn storage(device: &Device, what: &'static str, bytes: u64) -> Result<wgpu::Buffer, GpuError> {
@@ -86,29 +96,7 @@ impl Trees {
     ) -> Result<(Self, wgpu::Buffer), Unmade> {
         let device = &*kernels.device;
         let units = forest.block_units();
-        let starts = forest.starts.iter();
-        let starts: Vec<[u32; 2]> = starts
-            .map(|&[item, block]| [item, places.blocks + units * block])
-            .collect();
-        let items = forest.items;
-        let floats = if forest.moves { 12 } else { 6 };
-        let facts = (FACTS * forest.objects.len() + forest.starts.len().div_ceil(32)) as u32;
-        let count = forest.objects.len() as u32;
-        let mut trees = Self {
-            objects: device.upload("objects", cast_slice(&forest.objects))?,
-            starts: device.upload("items", cast_slice(&starts))?,
-            facts: words(device, "facts", facts)?,
-            boxes: storage(device, "boxes", 8 * floats * u64::from(items))?,
-            references: words(device, "items", items)?,
-            slots: words(device, "slots", 8 * forest.most_nodes())?,
-            roots: device.upload("roots", cast_slice(&vec![NONE; count as usize]))?,
-            heights: words(device, "nodes", 2 * forest.most_nodes())?,
-            outcomes: words(device, "outcomes", 3 * count)?,
-            levels: Vec::new(),
-            dropped: Vec::new(),
-            forest,
-            places,
-        };
+        let mut trees = Self::empty(device, forest, places)?;
         let blocks = words(device, "blocks", 4 * units * trees.forest.blocks)?;
         trees.bound(
             kernels,
@@ -117,10 +105,86 @@ impl Trees {
             (&blocks, trees.places.blocks),
         )?;
         trees.dropped = trees.now_dropped(device)?;
-        let (clusters, state) = trees.sorted(kernels, clock)?;
-        let (clusters, children) = trees.clustered(kernels, clock, clusters, &state)?;
-        trees.collapsed(kernels, clock, &clusters, &children, &state)?;
+        trees.shape(kernels, clock)?;
         Ok((trees, blocks))
+    }
+
+    /// Makes a tree over boxes, which stand for what these references say.
+    pub fn over(
+        kernels: &Kernels,
+        clock: &mut Clock,
+        boxes: &[(u32, LinearBox)],
+        moves: bool,
+    ) -> Result<Self, Unmade> {
+        let device = &*kernels.device;
+        let forest = Forest::over(boxes.len() as u32, moves);
+        let mut trees = Self::empty(device, forest, Places::default())?;
+        let floats = |b: &LinearBox| {
+            let ends = [b.lo0, b.hi0, b.lo1, b.hi1].map(|v| v.to_array().map(ordered));
+            ends.into_iter().take(if moves { 4 } else { 2 }).flatten()
+        };
+        let bounds: Vec<i32> = boxes.iter().flat_map(|(_, b)| floats(b)).collect();
+        let references: Vec<u32> = boxes.iter().map(|&(reference, _)| reference).collect();
+        let centres = boxes.iter().map(|(_, b)| b.centre4());
+        let all = centres.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(lo, hi), centre| {
+            (lo.min(centre), hi.max(centre))
+        });
+        let radius = boxes.iter().map(|(_, b)| b.max_abs()).fold(0.0, f32::max);
+        let mut facts: Vec<i32> = [all.0, all.1]
+            .iter()
+            .flat_map(|v| v.to_array().map(ordered))
+            .collect();
+        // No grid is left out.
+        facts.extend([ordered(radius), 0]);
+        let queue = &device.queue;
+        queue.write_buffer(&trees.boxes, 0, cast_slice(&bounds));
+        queue.write_buffer(&trees.references, 0, cast_slice(&references));
+        queue.write_buffer(&trees.facts, 0, cast_slice(&facts));
+        trees.shape(kernels, clock)?;
+        Ok(trees)
+    }
+
+    /// Buffers for a forest.
+    fn empty(device: &Device, forest: Forest, places: Places) -> Result<Self, GpuError> {
+        let units = forest.block_units();
+        let starts = forest.starts.iter();
+        let starts: Vec<[u32; 2]> = starts
+            .map(|&[item, block]| [item, places.blocks + units * block])
+            .collect();
+        let items = forest.items;
+        let floats = if forest.moves { 12 } else { 6 };
+        let facts = (FACTS * forest.objects.len() + forest.starts.len().div_ceil(32)) as u32;
+        let count = forest.objects.len() as u32;
+        Ok(Self {
+            objects: device.upload("objects", cast_slice(&forest.objects))?,
+            starts: device.upload("items", cast_slice(&starts))?,
+            facts: words(device, "facts", facts)?,
+            boxes: storage(device, "boxes", 8 * floats * u64::from(items))?,
+            references: words(device, "items", items)?,
+            slots: words(device, "slots", 8 * forest.most_nodes())?,
+            roots: device.upload("roots", cast_slice(&vec![NONE; count as usize]))?,
+            heights: words(device, "nodes", 3 * forest.most_nodes())?,
+            outcomes: words(device, "outcomes", 4 * count)?,
+            levels: Vec::new(),
+            dropped: Vec::new(),
+            costs: Vec::new(),
+            forest,
+            places,
+        })
+    }
+
+    /// Finds which nodes there are, over items whose boxes are there.
+    fn shape(&mut self, kernels: &Kernels, clock: &mut Clock) -> Result<(), Unmade> {
+        let (clusters, state) = self.sorted(kernels, clock)?;
+        let (clusters, children) = self.clustered(kernels, clock, clusters, &state)?;
+        self.collapsed(kernels, clock, &clusters, &children, &state)
+    }
+
+    /// Says what item `number` stands for, where that is known only now.
+    pub fn refer(&self, device: &Device, number: u32, reference: u32) {
+        let bytes = reference.to_ne_bytes();
+        let queue = &device.queue;
+        queue.write_buffer(&self.references, 4 * u64::from(number), &bytes);
     }
 
     /// Nodes of all trees.
@@ -437,6 +501,13 @@ impl Trees {
         let mut outcomes = vec![BuildOutcome::default(); self.forest.objects.len()];
         kernels.device.fetch(&self.outcomes, &mut outcomes)?;
         Ok(outcomes)
+    }
+
+    /// Takes over a forest that is alike, and has its grids and vertices in other places.
+    pub fn now_at(&mut self, device: &Device, forest: Forest, places: Places) {
+        let objects = cast_slice(&forest.objects);
+        device.queue.write_buffer(&self.objects, 0, objects);
+        (self.forest, self.places) = (forest, places);
     }
 
     /// Bounds all items anew, into `nodes` at their places, where vertices have moved. False where other grids than before

@@ -1,0 +1,78 @@
+//! What is known of an object without a tree: its bounds over time, and which grids cannot be traced.
+
+use glam::Vec3;
+use hdtrapeze_simd::Level;
+
+use super::bound::is_bounded;
+use super::{COORDINATE_LIMIT, LinearBox};
+use crate::grid::planar::{GridPlanes, Run};
+use crate::grid::{DicedMesh, PlanarMesh};
+
+/// How much farther than vertices any tree over them may store bounds: by the square root of 3 in a rotated frame, and by
+/// two steps of 255 where they are packed.
+pub const STORED: f32 = 2.0;
+
+/// See the module's text.
+pub struct Outline {
+    /// The mesh, turned into planes.
+    pub mesh: PlanarMesh,
+    /// Contains all grids that can be traced, at all times.
+    pub bounds: LinearBox,
+    /// Those that cannot.
+    pub dropped: u64,
+}
+
+/// Turns a mesh into planes and bounds its grids, in parallel.
+pub fn outline(mesh: DicedMesh) -> Outline {
+    let level = Level::best();
+    let (mesh, parts) = PlanarMesh::turned(mesh, |run: Run<'_>| {
+        let (mut bounds, mut dropped) = (LinearBox::EMPTY, 0);
+        run.turn(level, |_, planes| {
+            match planes.and_then(|planes| grid_bounds(level, &planes)) {
+                Some(own) => bounds = bounds.union(&own),
+                None => dropped += 1,
+            }
+        });
+        (bounds, dropped)
+    });
+    let mut all = Outline {
+        mesh,
+        bounds: LinearBox::EMPTY,
+        dropped: 0,
+    };
+    for (bounds, dropped) in parts {
+        all.bounds = all.bounds.union(&bounds);
+        all.dropped += dropped;
+    }
+    all
+}
+
+/// Bounds of a grid over time; nothing where it cannot be traced.
+fn grid_bounds(level: Level, planes: &GridPlanes<'_>) -> Option<LinearBox> {
+    if !is_bounded(level, planes) {
+        return None;
+    }
+    let last = planes.key_times.len() - 1;
+    let ((lo0, hi0), (lo1, hi1)) = (key_bounds(planes, 0), key_bounds(planes, last));
+    let mut bounds = LinearBox { lo0, hi0, lo1, hi1 };
+    for (k, &time) in planes.key_times.iter().enumerate().take(last).skip(1) {
+        let (lo, hi) = key_bounds(planes, k);
+        bounds.raise(time, lo, hi);
+    }
+    (bounds.max_abs() < COORDINATE_LIMIT).then_some(bounds)
+}
+
+fn key_bounds(planes: &GridPlanes<'_>, k: usize) -> (Vec3, Vec3) {
+    let n = planes.grid.vertex_count();
+    let axis = |axis: usize| {
+        let plane = &planes.planes[(3 * k + axis) * n..][..n];
+        let bounds = plane
+            .iter()
+            .fold((f32::INFINITY, f32::NEG_INFINITY), |b, &x| {
+                (b.0.min(x), b.1.max(x))
+            });
+        <[f32; 2]>::from(bounds)
+    };
+    let [x, y, z] = [0, 1, 2].map(axis);
+    (Vec3::new(x[0], y[0], z[0]), Vec3::new(x[1], y[1], z[1]))
+}

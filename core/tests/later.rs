@@ -1,0 +1,133 @@
+//! Trees that are left for later: what is hit has the same bits, whoever asks first.
+
+mod trace_scenes;
+
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use glam::{DVec3, Vec3};
+use hdtrapeze_core::bvh::ObjectGeometry;
+use hdtrapeze_core::grid::DicedMesh;
+use hdtrapeze_core::trace::{Hit, InstanceTransform, Ray, TraceCounts, World, WorldInstance};
+use rayon::prelude::*;
+use trace_scenes::*;
+
+/// Objects that are still, move, follow a curve, and have grids that cannot be traced.
+fn meshes() -> Vec<DicedMesh> {
+    let mut lost = sheet(3, 9, &keys(2));
+    lost.positions[500].y = f32::NAN;
+    lost.positions[1500].y = 1.3e18;
+    lost.grids[7].nu = 99;
+    vec![
+        sheet(3, 9, &[0.0]),
+        patches(40, 7, &keys(3), 3),
+        curved::fan(2, 6, &keys(9), 3.0),
+        fur(200, &keys(2), 4),
+        lost,
+        DicedMesh::default(),
+    ]
+}
+
+fn placed(objects: impl IntoIterator<Item = ObjectGeometry>) -> Vec<WorldInstance> {
+    let mut instances = Vec::new();
+    for (i, object) in (0..).zip(objects) {
+        let object = Arc::new(object);
+        let at = DVec3::new(0.3 * f64::from(i), 0.0, -0.2);
+        instances.push(instance(&object, InstanceTransform::Translation(at)));
+        let by = affine(DVec3::ONE, 0.7, DVec3::new(1.0, 0.5, 0.8), -at);
+        instances.push(instance(&object, InstanceTransform::Static(by)));
+    }
+    instances
+}
+
+fn now() -> World {
+    World::build(
+        placed(meshes().into_iter().map(ObjectGeometry::new)),
+        DVec3::ZERO,
+    )
+}
+
+fn later() -> World {
+    let objects = meshes().into_iter().map(ObjectGeometry::later);
+    World::build_later(placed(objects), DVec3::ZERO)
+}
+
+fn rays() -> Vec<Ray> {
+    let mut rng = Rng(8);
+    let ray = |_| {
+        let origin = rng.direction() * (0.2 + 3.0 * rng.unit());
+        ray(origin, rng.cube() - origin, rng.unit())
+    };
+    (0..4000).map(ray).collect()
+}
+
+/// Each by itself, from all threads of a pool at once.
+fn traced(world: &World) -> Vec<Hit> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(4).build();
+    let trace = |ray| world.trace(ray, &mut TraceCounts::default());
+    let rays = rays();
+    let all = || rays.par_iter().with_max_len(1).map(trace).collect();
+    pool.expect("threads").install(all)
+}
+
+#[test]
+fn rays_that_come_first_have_trees_made() {
+    let (now, later) = (now(), later());
+    let stats = later.stats();
+    assert_eq!(
+        (stats.trees, stats.top_nodes, stats.object.nodes),
+        (0, 0, 0)
+    );
+    assert_eq!(stats.objects, 6);
+    assert_eq!(stats.object.cells, now.stats().object.cells);
+    assert_eq!(stats.object.dropped_grids, now.stats().object.dropped_grids);
+    assert!(stats.object.dropped_grids >= 3);
+    assert_eq!(stats.left_out, now.stats().left_out);
+    let expected = traced(&now);
+    assert!(expected.iter().filter(|hit| hit.is_hit()).count() > 500);
+    assert!(traced(&later) == expected);
+    let made = later.stats();
+    assert!(made.trees > 0 && made.top_nodes > 0);
+}
+
+#[test]
+fn trees_that_are_made_ahead_are_those() {
+    let (now, later) = (now(), later());
+    later.make_trees(&AtomicBool::new(true));
+    assert_eq!((later.stats().trees, later.stats().top_nodes), (0, 0));
+    later.make_trees(&AtomicBool::new(false));
+    let (made, stats) = (later.stats(), now.stats());
+    assert_eq!(made.trees, 6);
+    // Those over instances may differ: boxes that are known without a tree are larger.
+    assert_eq!(made.object, stats.object);
+    assert!(traced(&later) == traced(&now));
+}
+
+/// Without a tree, bounds hold all vertices at all times, and the radius what any tree stores.
+#[test]
+fn bounds_need_no_tree() {
+    for mesh in meshes() {
+        let (now, later) = (
+            ObjectGeometry::new(mesh.clone()),
+            ObjectGeometry::later(mesh),
+        );
+        assert_eq!(now.is_empty(), later.is_empty());
+        assert!(later.radius() >= now.radius());
+        assert!(!later.has_tree() && now.has_tree());
+        let mesh = later.mesh();
+        for (g, sound) in mesh.sound_grids().into_iter().enumerate() {
+            let points = |k| (0..mesh.grids[g].vertex_count()).map(move |i| mesh.position(g, k, i));
+            let tame = |p: Vec3| p.abs().max_element() < 1e18;
+            if !sound || !(0..mesh.key_count()).flat_map(points).all(tame) {
+                continue;
+            }
+            for (k, &time) in mesh.key_times.iter().enumerate() {
+                let (lo, hi) = later.bounds().at(f64::from(time));
+                for p in points(k).map(|p| p.as_dvec3()) {
+                    let slack = 1e-12;
+                    assert!((p - lo).min_element() >= -slack && (hi - p).min_element() >= -slack);
+                }
+            }
+        }
+    }
+}
