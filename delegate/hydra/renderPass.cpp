@@ -278,10 +278,7 @@ void HdTrapezeRenderPass::_Execute(HdRenderPassStateSharedPtr const& state,
     view.aovs = aovs.data();
     view.aov_count = static_cast<uint32_t>(aovs.size());
     view.frame = HdTrapezeCurrentFrame(index);
-    if (prim) {
-        view.settings_path = prim->GetId().GetText();
-        HdTrapezeReadShape(index, prim->GetId(), &view);
-    }
+    view.settings_path = prim ? prim->GetId().GetText() : nullptr;
     trz_result const result =
         trz_view_render(param.Session(), &view, products.All().data(), products.All().size());
     if (result != TRZ_OK && result != TRZ_ERROR_POISONED) {

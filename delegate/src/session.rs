@@ -175,11 +175,6 @@ impl Session {
         Ok(())
     }
 
-    /// Refuses what is not a camera.
-    pub(crate) fn check_camera(&self, id: PrimId) -> Result<(), Error> {
-        lock(&self.edits).check_camera(id)
-    }
-
     /// Edits that were queued so far.
     pub fn edits(&self) -> Edits {
         lock(&self.edits).edits()
@@ -211,7 +206,7 @@ impl Session {
         self.may_wait()?;
         let work = &mut *lock(&self.work);
         self.shared.check()?;
-        self.apply_edits(work, EditQueue::take);
+        self.apply_edits(work);
         if work.current {
             return Ok(());
         }
@@ -228,29 +223,10 @@ impl Session {
 
     /// Commits, then renders from the first sample on a thread of the session.
     pub fn start(&self) -> Result<(), Error> {
-        self.start_with(EditQueue::take)
-    }
-
-    /// The same with the edits that were sealed, whole, and none of those after: a view of theirs, with
-    /// its AOVs.
-    pub(crate) fn start_sealed(
-        &self,
-        camera: Option<PrimId>,
-        settings: &RenderSettings,
-    ) -> Result<(), Error> {
-        self.start_with(|edits| edits.take_sealed(camera, settings))
-    }
-
-    /// Seals the edits so far, and tells how many there were ever.
-    pub(crate) fn seal(&self) -> Edits {
-        lock(&self.edits).seal()
-    }
-
-    fn start_with(&self, take: impl FnOnce(&mut EditQueue) -> Vec<Change>) -> Result<(), Error> {
         self.may_wait()?;
         let work = &mut *lock(&self.work);
         self.shared.check()?;
-        self.apply_edits(work, take);
+        self.apply_edits(work);
         self.stop(work);
         let cancel = self.shared.begin();
         let result = match work.current {
@@ -337,7 +313,7 @@ impl Session {
         self.may_wait()?;
         let work = &mut *lock(&self.work);
         self.shared.check()?;
-        self.apply_edits(work, EditQueue::take);
+        self.apply_edits(work);
         self.shared.guard(|| dump(&work.scene))
     }
 
@@ -490,10 +466,9 @@ impl Session {
         }
     }
 
-    fn apply_edits(&self, work: &mut Work, take: impl FnOnce(&mut EditQueue) -> Vec<Change>) {
+    fn apply_edits(&self, work: &mut Work) {
         let mut edits = lock(&self.edits);
-        let changes = take(&mut edits);
-        if apply(&mut work.scene, changes) {
+        if apply(&mut work.scene, edits.take()) {
             edits.applied(&work.scene);
             work.version += 1;
             work.current = false;

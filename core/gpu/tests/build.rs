@@ -589,7 +589,8 @@ fn pages_cost_little(tracer: &Tracer) -> Result<(), Failed> {
             }
             let roots = (pages * rays.len()) as f64;
             let times = (nodes[1] - roots) / nodes[0];
-            println!("{pages} pages: {times:.3} times the nodes");
+            let all = nodes[1] / nodes[0];
+            println!("{pages} pages: {all:.2} times the nodes, {times:.2} without roots");
             if pages < 6 || times > more {
                 return Err(format!("{pages} pages: {nodes:?}").into());
             }
@@ -616,9 +617,12 @@ fn over_instances(tracer: &Tracer, world: &World, scene: &GpuScene) -> Result<us
     let boxes: HashMap<u32, LinearBox> = world.boxes().into_iter().collect();
     let mut met: Vec<u32> = Vec::new();
     let mut nodes = 0;
-    // A reference, and the slabs that were stored for it.
-    let mut rest: Vec<(u32, Vec<Rc<Slabs>>)> = vec![(contents.root, Vec::new())];
-    while let Some((reference, above)) = rest.pop() {
+    // A reference, the slabs that were stored for it, and how much may wait on a ray's stack meanwhile.
+    let mut rest: Vec<(u32, Vec<Rc<Slabs>>, u32)> = vec![(contents.root, Vec::new(), 0)];
+    while let Some((reference, above, waiting)) = rest.pop() {
+        if waiting > contents.stack {
+            return Err(format!("{waiting} entries in a stack of {}", contents.stack).into());
+        }
         if reference == EMPTY {
             continue;
         }
@@ -641,7 +645,8 @@ fn over_instances(tracer: &Tracer, world: &World, scene: &GpuScene) -> Result<us
         for slot in (0..8).filter(|slot| words[children + 9] >> slot & 1 != 0) {
             let mut above = above.clone();
             above.push(Rc::new(walk.slabs(words, moves, slot, words[children + 8])));
-            rest.push((words[children + slot], above));
+            let waiting = waiting + words[children + 9].count_ones() - 1;
+            rest.push((words[children + slot], above, waiting));
         }
     }
     met.sort_unstable();
@@ -693,6 +698,7 @@ fn many_instances(tracer: &Tracer) -> Result<(), Failed> {
         (1000, 0),
         (1000, 3),
         (1000, 1000),
+        (20_000, 0),
     ] {
         let fail = |e: Failed| format!("{moving} of {count} move: {e:?}");
         let world = instances(count, moving);

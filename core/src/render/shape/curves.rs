@@ -49,7 +49,9 @@ impl Shape for Curves {
             Ok(diced) => {
                 out.limit_evaluations += diced.evaluations;
                 out.segments = out.segments.max(diced.mesh.key_times.len() - 1);
-                out.coarsened |= diced.coarsened;
+                if diced.coarsened {
+                    warn_coarsened(path, most, out);
+                }
                 Some(diced.mesh)
             }
             Err(DiceError::Cancelled) => None,
@@ -59,6 +61,14 @@ impl Shape for Curves {
             }
         }
     }
+}
+
+pub(super) fn warn_coarsened(path: &str, most: u64, out: &mut PrimObjects) {
+    let text = format!(
+        "needs more than {most} micropolygons at this shading rate; it is diced more coarsely"
+    );
+    out.coarsened = true;
+    out.warn(path, Code::Budget, text);
 }
 
 /// How many values primvars of curves have.

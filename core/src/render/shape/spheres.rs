@@ -1,5 +1,6 @@
 //! Spheres.
 
+use super::curves::warn_coarsened;
 use super::primvars::Primvars;
 use super::{Shape, Target};
 use crate::diagnostics::Code;
@@ -43,7 +44,9 @@ impl Shape for Spheres {
         };
         match dice(&input) {
             Ok(diced) => {
-                out.coarsened |= diced.coarsened;
+                if diced.coarsened {
+                    warn_coarsened(path, most, out);
+                }
                 Some(diced.mesh)
             }
             Err(DiceError::Cancelled) => None,
