@@ -232,6 +232,8 @@ impl Simd for Scalar {
             high.0.map(|x| x.ceil() as u8),
         ]
     }
+    #[inline(always)]
+    fn expect_lattice(self, _: &[f32], _: usize, _: usize) {}
     #[inline]
     fn lattice(self, plane: &[f32], first: usize, stride: usize) -> Array<16> {
         let mut out = [0.0; 16];

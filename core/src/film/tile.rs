@@ -161,6 +161,11 @@ impl Keeps {
         some.then_some(self.primvars)
     }
 
+    /// True when what samples cost is asked for.
+    pub fn cost(self) -> bool {
+        self.cost
+    }
+
     /// True when normals or motion vectors are asked for.
     pub fn means(self) -> bool {
         self.means

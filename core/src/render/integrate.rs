@@ -76,7 +76,7 @@ impl<'a> Integrator<'a> {
         for block in self.generator.blocks(&drawn) {
             jobs.clear();
             self.generator.draw_block(&drawn, block, &mut jobs);
-            self.trace::<CULL>(&jobs, &mut found);
+            self.trace::<CULL>(&jobs, &mut found, counts);
             let found = found.iter().copied();
             self.film::<MATTE, CULL>(tile, &jobs, found, &mut primvars, counts);
         }
@@ -187,8 +187,13 @@ impl<'a> Integrator<'a> {
     }
 
     /// Traces the jobs of a pixel block, those of nearly one instant together; `found` gets what each
-    /// met first.
-    fn trace<const CULL: bool>(&self, jobs: &[(usize, Job)], found: &mut Vec<(Hit, TraceCounts)>) {
+    /// met first, and what that cost; where no cost is kept, `counts` gets it for all of them.
+    fn trace<const CULL: bool>(
+        &self,
+        jobs: &[(usize, Job)],
+        found: &mut Vec<(Hit, TraceCounts)>,
+        counts: &mut TraceCounts,
+    ) {
         let world = &self.prepared.world;
         found.clear();
         if CULL {
@@ -208,15 +213,18 @@ impl<'a> Integrator<'a> {
             return;
         };
         let (mut rays, mut hits) = ([first.ray; PACKET], [Hit::MISS; PACKET]);
-        let mut counts = [TraceCounts::default(); PACKET];
+        let mut own = [TraceCounts::default(); PACKET];
         for order in order.chunks(PACKET) {
             let n = order.len();
             for (ray, &i) in rays.iter_mut().zip(order) {
                 *ray = jobs[i as usize].1.ray;
             }
-            world.trace_packet(&rays[..n], &mut hits[..n], &mut counts[..n]);
+            match self.keeps.cost() {
+                true => world.trace_packet(&rays[..n], &mut hits[..n], &mut own[..n]),
+                false => world.trace_many(&rays[..n], &mut hits[..n], counts),
+            }
             for (lane, &i) in order.iter().enumerate() {
-                found[i as usize] = (hits[lane], counts[lane]);
+                found[i as usize] = (hits[lane], own[lane]);
             }
         }
     }

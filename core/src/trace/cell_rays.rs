@@ -3,7 +3,7 @@
 use hdtrapeze_simd::{Float, Mask, Part, Simd};
 
 use super::cell::CellRay;
-use super::packet::{All, LANES, PACKET, Rays, VECTORS, part, split};
+use super::packet::{All, LANES, PACKET, Rays, VECTORS, load3, part, split};
 
 /// Rays prepared for the micropolygons of one mesh; see [`CellRay`].
 pub struct CellRays {
@@ -77,7 +77,7 @@ impl CellRays {
             }
         }
         if !agree {
-            out.each_with_its_axes(rays);
+            out.each_with_its_axes(simd, rays);
         }
         if key_times.len() > 2 {
             for (v, rays) in rays.iter().enumerate().take(VECTORS) {
@@ -90,19 +90,35 @@ impl CellRays {
         out
     }
 
-    fn each_with_its_axes(&mut self, rays: &[Rays]) {
+    /// As [`CellRay::axes_of`] and [`axes_with`](super::packet::axes_with) have it, for rays that do not agree.
+    #[inline(always)]
+    fn each_with_its_axes<S: Simd>(&mut self, simd: S, rays: &[Rays]) {
         for (v, rays) in rays.iter().enumerate().take(VECTORS) {
-            for lane in 0..LANES {
-                let (origin, dir) = (rays.origin_of(lane), rays.dir_of(lane));
-                let axes = CellRay::axes_of(dir);
-                let dir_z = dir[axes[2]];
-                self.z_axis[LANES * v + lane] = axes[2] as u8;
-                for (to, &axis) in self.origin.iter_mut().zip(&axes) {
-                    to[v][lane] = origin[axis];
-                }
-                self.slope[0][v][lane] = dir[axes[0]] / dir_z;
-                self.slope[1][v][lane] = dir[axes[1]] / dir_z;
-                self.dir_z[v][lane] = dir_z;
+            let (dir, origin) = (load3(simd, &rays.dir), load3(simd, &rays.origin));
+            let [x, y, z] = [dir[0].abs(), dir[1].abs(), dir[2].abs()];
+            let (along_x, along_y) = (y.le(x) & z.le(x), z.le(y));
+            let turned = |[x, y, z]: [S::F16; 3]| {
+                [
+                    y.or(along_x, z.or(along_y, x)),
+                    z.or(along_x, x.or(along_y, y)),
+                    x.or(along_x, y.or(along_y, z)),
+                ]
+            };
+            let (dir, origin) = (turned(dir), turned(origin));
+            self.slope[0][v] = dir[0].over(dir[2]).to_array();
+            self.slope[1][v] = dir[1].over(dir[2]).to_array();
+            self.dir_z[v] = dir[2].to_array();
+            for (to, origin) in self.origin.iter_mut().zip(origin) {
+                to[v] = origin.to_array();
+            }
+            let (along_x, along_y) = (along_x.bits(), along_y.bits());
+            for (lane, z_axis) in self.z_axis[LANES * v..].iter_mut().take(LANES).enumerate() {
+                let is = |along: u32| along >> lane & 1 == 1;
+                *z_axis = match (is(along_x), is(along_y)) {
+                    (true, _) => 0,
+                    (false, true) => 1,
+                    (false, false) => 2,
+                };
             }
         }
     }

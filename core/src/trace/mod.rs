@@ -21,6 +21,7 @@ pub mod parts;
 pub mod piece;
 pub mod places;
 mod query;
+mod query_packet;
 mod relative;
 pub mod shading;
 pub mod sides;

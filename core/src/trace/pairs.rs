@@ -13,6 +13,25 @@ use super::packet::{LANES, Lanes, PACKET, axes_with, split};
 use crate::bvh::block::CellRect;
 use crate::grid::PlanarMesh;
 
+/// Says that the vertices of a group, the cells `rect` of grid `g`, will be asked for soon, at `key`.
+#[inline(always)]
+pub fn expect<S: Simd, const MOVING: bool>(
+    simd: S,
+    mesh: &PlanarMesh,
+    g: u32,
+    rect: CellRect,
+    key: u32,
+) {
+    let grid = &mesh.grids[g as usize];
+    let stride = usize::from(grid.nu) + 1;
+    let n = grid.vertex_count();
+    let first = usize::from(rect.j) * stride + usize::from(rect.i);
+    let start = mesh.plane_start(grid, key as usize) + first;
+    for plane in 0..if MOVING { 6 } else { 3 } {
+        simd.expect_lattice(mesh.planes(), start + plane * n, stride);
+    }
+}
+
 /// Pairs that are kept.
 const MOST: usize = 2 * PACKET;
 

@@ -6,13 +6,13 @@
 
 use hdtrapeze_simd::{Float, Mask, Part, Simd};
 
-use super::Hit;
 use super::cell_rays::CellRays;
 use super::enter::enter_packet;
-use super::packet::{All, LANES, PACKET, Packet, Rays, VECTORS, part, split};
-use super::pairs::Pairs;
+use super::packet::{All, LANES, PACKET, Packet, Rays, Slabs, VECTORS, part, split};
+use super::pairs::{Pairs, expect};
 use super::relative::SeenMany;
 use super::traverse::Target;
+use super::{Hit, TraceCounts};
 use crate::bvh::block::{CellRect, loose};
 use crate::bvh::object::{BlockTree, loose_group};
 use crate::bvh::{Bounds8, ObjectGeometry, Tree};
@@ -44,9 +44,13 @@ pub(super) struct Queries {
     pub t_min: All,
     /// `best.t` of each; nothing is nearer than that of a ray which looks no more.
     pub t_max: All,
-    /// Nodes opened.
+    /// What all rays cost.
+    pub counts: TraceCounts,
+    /// What each cost is told, too.
+    pub each: bool,
+    /// Nodes opened by each, where that is told.
     pub nodes: All,
-    /// Micropolygons tested.
+    /// Micropolygons tested, likewise.
     pub cells: All,
 }
 
@@ -57,19 +61,31 @@ impl Queries {
         best: [Hit::MISS; PACKET],
         t_min: [[f32::INFINITY; LANES]; VECTORS],
         t_max: [[f32::NEG_INFINITY; LANES]; VECTORS],
+        counts: TraceCounts {
+            rays: 0,
+            node_tests: 0,
+            cell_tests: 0,
+        },
+        each: false,
         nodes: [[0.0; LANES]; VECTORS],
         cells: [[0.0; LANES]; VECTORS],
     };
 
     #[inline(always)]
     fn count_node<S: Simd>(&mut self, simd: S, rays: u64) {
-        add(simd, &mut self.nodes, rays, 1.0);
+        self.counts.node_tests += u64::from(rays.count_ones());
+        if self.each {
+            add(simd, &mut self.nodes, rays, 1.0);
+        }
     }
 
     #[inline(always)]
     fn count_cells<S: Simd>(&mut self, simd: S, rays: u64, rect: CellRect) {
-        let cells = f32::from(u16::from(rect.w) * u16::from(rect.h));
-        add(simd, &mut self.cells, rays, cells);
+        let cells = u16::from(rect.w) * u16::from(rect.h);
+        self.counts.cell_tests += u64::from(rays.count_ones()) * u64::from(cells);
+        if self.each {
+            add(simd, &mut self.cells, rays, f32::from(cells));
+        }
     }
 
     /// A hit of a ray.
@@ -241,6 +257,7 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
                 &own
             }
         };
+        let mut turned = packet.slabs;
         walk_packet(
             self.simd,
             &self.blocks.tree,
@@ -249,18 +266,21 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
             room,
             #[inline(always)]
             |item, rays, queries, room| {
-                self.item_packet(item, rays, &packet, cells, &mut room.pairs, queries);
+                let pairs = &mut room.pairs;
+                self.item_packet(item, rays, &packet, &mut turned, cells, pairs, queries);
             },
         );
     }
 
-    /// Tests one item of the tree: a loose group or a block.
+    /// Tests one item of the tree: a loose group or a block. `turned` is room for rays in a block's frame.
     #[inline(always)]
+    #[allow(clippy::too_many_arguments)] // one call, inlined
     fn item_packet(
         &self,
         item: u32,
         rays: u64,
         packet: &Packet<'_, S>,
+        turned: &mut [Slabs<S::F16>; VECTORS],
         cells: &CellRays,
         pairs: &mut Pairs,
         queries: &mut Queries,
@@ -271,14 +291,11 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
         } else {
             let block = &self.blocks.blocks[item as usize];
             queries.count_node(self.simd, rays);
-            let mut turned;
             let slabs = if block.frame == 0 {
                 &packet.slabs
             } else {
-                turned = packet.slabs;
-                let frame = &self.blocks.tree.frames[block.frame as usize];
-                packet.turn(frame, rays, &mut turned);
-                &turned
+                packet.turn(&self.blocks.tree.frames[block.frame as usize], rays, turned);
+                &*turned
             };
             let valid = (1u32 << block.span.count) - 1;
             let found = enter_packet(
@@ -290,6 +307,19 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
                 &queries.t_min,
                 &queries.t_max,
             );
+            // The first group is waited for; the others come meanwhile.
+            let mut later = found.children & found.children.wrapping_sub(1);
+            while later != 0 {
+                let slot = later.trailing_zeros() & 7;
+                later &= later - 1;
+                let rect = block.span.group_rect(slot);
+                let key = cells.key[rays.trailing_zeros() as usize & (PACKET - 1)];
+                if B::KEYS {
+                    expect::<S, true>(self.simd, self.mesh, block.span.grid, rect, key);
+                } else {
+                    expect::<S, false>(self.simd, self.mesh, block.span.grid, rect, key);
+                }
+            }
             let mut children = found.children;
             while children != 0 {
                 let slot = children.trailing_zeros() & 7;

@@ -1,0 +1,274 @@
+//! 16 floats in two registers of AVX, with AVX2 and FMA.
+
+use std::arch::x86_64::*;
+use std::ops::{Add, BitAnd, BitOr, Mul, Neg, Sub};
+
+use super::avx2_apart;
+use super::eight::{F256, M256, all8, bytes8, columns, from8, outward8};
+use super::rows::{expect_lattice, long_rows, rows};
+use crate::{Float, Mask, Part, Simd, scalar};
+
+/// AVX2 with FMA.
+#[derive(Clone, Copy, Debug)]
+pub struct Avx2(pub(super) ());
+
+/// 16 floats in two registers.
+#[derive(Clone, Copy, Debug)]
+pub struct Pair(pub(super) F256, pub(super) F256);
+
+/// Truth values of a [`Pair`].
+#[derive(Clone, Copy, Debug)]
+pub struct PairMask(M256, M256);
+
+operators!(
+    Pair,
+    |a, b| Pair(a.0 + b.0, a.1 + b.1),
+    Pair(a.0 - b.0, a.1 - b.1),
+    Pair(a.0 * b.0, a.1 * b.1),
+    Pair(-a.0, -a.1)
+);
+
+mask!(
+    PairMask,
+    |a, b| PairMask(a.0 & b.0, a.1 & b.1),
+    PairMask(a.0 | b.0, a.1 | b.1),
+    a.0.bits() | a.1.bits() << 8
+);
+
+impl Float<16> for Pair {
+    type Mask = PairMask;
+    #[inline(always)]
+    fn to_array(self) -> [f32; 16] {
+        let mut out = [0.0; 16];
+        x86!({
+            _mm256_storeu_ps(out.as_mut_ptr(), self.0.0);
+            _mm256_storeu_ps(out.as_mut_ptr().add(8), self.1.0);
+        });
+        out
+    }
+    #[inline(always)]
+    fn min(self, o: Self) -> Self {
+        Pair(self.0.min(o.0), self.1.min(o.1))
+    }
+    #[inline(always)]
+    fn max(self, o: Self) -> Self {
+        Pair(self.0.max(o.0), self.1.max(o.1))
+    }
+    #[inline(always)]
+    fn mul_add(self, by: Self, plus: Self) -> Self {
+        Pair(self.0.mul_add(by.0, plus.0), self.1.mul_add(by.1, plus.1))
+    }
+    #[inline(always)]
+    fn over(self, by: Self) -> Self {
+        Pair(self.0.over(by.0), self.1.over(by.1))
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        Pair(self.0.abs(), self.1.abs())
+    }
+    #[inline(always)]
+    fn lt(self, o: Self) -> PairMask {
+        PairMask(self.0.lt(o.0), self.1.lt(o.1))
+    }
+    #[inline(always)]
+    fn le(self, o: Self) -> PairMask {
+        PairMask(self.0.le(o.0), self.1.le(o.1))
+    }
+    #[inline(always)]
+    fn or(self, mask: PairMask, o: Self) -> Self {
+        Pair(self.0.or(mask.0, o.0), self.1.or(mask.1, o.1))
+    }
+    #[inline(always)]
+    fn least(self) -> f32 {
+        self.0.min(self.1).least()
+    }
+    #[inline(always)]
+    fn most(self) -> f32 {
+        self.0.max(self.1).most()
+    }
+}
+
+#[inline(always)]
+fn less8(x: F256, by: f64) -> F256 {
+    x86!({
+        let by = _mm256_set1_pd(by);
+        let lo = _mm256_cvtps_pd(_mm256_castps256_ps128(x.0));
+        let hi = _mm256_cvtps_pd(_mm256_extractf128_ps::<1>(x.0));
+        let lo = _mm256_cvtpd_ps(_mm256_sub_pd(lo, by));
+        let hi = _mm256_cvtpd_ps(_mm256_sub_pd(hi, by));
+        F256(_mm256_insertf128_ps::<1>(_mm256_castps128_ps256(lo), hi))
+    })
+}
+
+#[inline(always)]
+fn mask8(bits: u32) -> M256 {
+    x86!({
+        let lane = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
+        let set = _mm256_and_si256(_mm256_set1_epi32(bits.cast_signed()), lane);
+        M256(_mm256_castsi256_ps(_mm256_cmpeq_epi32(set, lane)))
+    })
+}
+
+/// One to the right in each of two rows of a lattice; the last of each is the row's end.
+#[inline(always)]
+fn right(rows: __m256, ends: __m256) -> F256 {
+    x86!({
+        let shifted = _mm256_permute_ps::<0b00_11_10_01>(rows);
+        F256(_mm256_blend_ps::<0b1000_1000>(shifted, ends))
+    })
+}
+
+#[inline(always)]
+fn row(plane: &[f32], at: usize) -> &[f32; 5] {
+    plane[at..].first_chunk().expect("a row of 5 floats")
+}
+
+/// Rows of a lattice, as [`Simd::lattice`] says: the first 8 lanes, and the last.
+#[inline(always)]
+fn lattice(plane: &[f32], first: usize, stride: usize) -> (__m256, __m256) {
+    let (r0, r1, r2) = (
+        row(plane, first),
+        row(plane, first + stride),
+        row(plane, first + 2 * stride),
+    );
+    x86!({
+        let near = _mm256_insertf128_ps::<1>(
+            _mm256_castps128_ps256(_mm_loadu_ps(r0.as_ptr())),
+            _mm_loadu_ps(r1.as_ptr()),
+        );
+        let ends = _mm_insert_ps::<0x10>(_mm_load_ss(&r0[4]), _mm_load_ss(&r1[4]));
+        let ends = _mm_insert_ps::<0x20>(ends, _mm_load_ss(&r2[4]));
+        let far =
+            _mm256_insertf128_ps::<1>(_mm256_castps128_ps256(_mm_loadu_ps(r2.as_ptr())), ends);
+        (near, far)
+    })
+}
+
+macro_rules! fours256 {
+    ($join:ident, $a:expr, $b:expr) => {
+        x86!({
+            let near = joined!(
+                $join,
+                _mm256_unpacklo_ps,
+                _mm256_unpackhi_ps,
+                _mm256_permute_ps,
+                $a.0.0,
+                $b.0.0
+            );
+            let far = joined!(
+                $join,
+                _mm256_unpacklo_ps,
+                _mm256_unpackhi_ps,
+                _mm256_permute_ps,
+                $a.1.0,
+                $b.1.0
+            );
+            let near = _mm256_permutevar8x32_ps(near, _mm256_setr_epi32(0, 4, 0, 0, 1, 5, 0, 0));
+            let far = _mm256_permutevar8x32_ps(far, _mm256_setr_epi32(0, 0, 0, 4, 0, 0, 1, 5));
+            F256(_mm256_blend_ps::<0b1100_1100>(near, far))
+        })
+    };
+}
+
+impl Simd for Avx2 {
+    #[inline(always)]
+    fn apart<P: Part<Self>>(self, part: P) -> P::Output {
+        x86!(avx2_apart(part))
+    }
+    type F8 = F256;
+    type F16 = Pair;
+    type M16 = PairMask;
+
+    #[inline(always)]
+    fn all8(self, x: f32) -> F256 {
+        all8(x)
+    }
+    #[inline(always)]
+    fn from8(self, x: &[f32; 8]) -> F256 {
+        from8(x)
+    }
+    #[inline(always)]
+    fn bytes8(self, x: &[u8; 8]) -> F256 {
+        bytes8(x)
+    }
+    #[inline(always)]
+    fn all16(self, x: f32) -> Pair {
+        Pair(all8(x), all8(x))
+    }
+    #[inline(always)]
+    fn from16(self, x: &[f32; 16]) -> Pair {
+        x86!(Pair(
+            F256(_mm256_loadu_ps(x.as_ptr())),
+            F256(_mm256_loadu_ps(x.as_ptr().add(8)))
+        ))
+    }
+    #[inline(always)]
+    fn bytes16(self, low: &[u8; 8], high: &[u8; 8]) -> Pair {
+        Pair(bytes8(low), bytes8(high))
+    }
+    #[inline(always)]
+    fn halves(self, low: f32, high: f32) -> Pair {
+        Pair(all8(low), all8(high))
+    }
+    #[inline(always)]
+    fn split(self, x: Pair) -> (F256, F256) {
+        (x.0, x.1)
+    }
+    #[inline(always)]
+    fn columns(self, rows: &[u8; 16]) -> [u32; 8] {
+        columns(rows)
+    }
+    #[inline(always)]
+    fn less16(self, x: Pair, by: f64) -> Pair {
+        Pair(less8(x.0, by), less8(x.1, by))
+    }
+    #[inline(always)]
+    fn mask16(self, bits: u32) -> PairMask {
+        PairMask(mask8(bits), mask8(bits >> 8))
+    }
+    #[inline(always)]
+    fn rows(self, plane: &[f32], at: [usize; 4]) -> [Pair; 2] {
+        rows(plane, at)
+    }
+    #[inline(always)]
+    fn long_rows(self, plane: &[f32], at: [usize; 2]) -> [Pair; 2] {
+        long_rows(plane, at)
+    }
+    #[inline(always)]
+    fn least_of_fours(self, a: Pair, b: Pair) -> F256 {
+        fours256!(_mm256_min_ps, a, b)
+    }
+    #[inline(always)]
+    fn most_of_fours(self, a: Pair, b: Pair) -> F256 {
+        fours256!(_mm256_max_ps, a, b)
+    }
+    #[inline(always)]
+    fn outward8(self, low: F256, high: F256) -> [[u8; 8]; 2] {
+        outward8(low, high)
+    }
+    #[inline(always)]
+    fn expect_lattice(self, plane: &[f32], first: usize, stride: usize) {
+        expect_lattice(plane, first, stride);
+    }
+    #[inline(always)]
+    fn lattice(self, plane: &[f32], first: usize, stride: usize) -> Pair {
+        let (near, far) = lattice(plane, first, stride);
+        Pair(F256(near), F256(far))
+    }
+    #[inline(always)]
+    fn lane(self, column: usize, row: usize) -> usize {
+        scalar::lane(column, row)
+    }
+    #[inline(always)]
+    fn triangles(self, Pair(F256(near), F256(far)): Pair) -> [Pair; 3] {
+        // The rows' ends are in `far`'s upper half.
+        let (next, ends0, ends1) = x86!((
+            _mm256_permute2f128_ps::<0x21>(near, far),
+            _mm256_permutevar8x32_ps(far, _mm256_setr_epi32(0, 0, 0, 4, 0, 0, 0, 5)),
+            _mm256_permutevar8x32_ps(far, _mm256_setr_epi32(0, 0, 0, 5, 0, 0, 0, 6))
+        ));
+        let (a, d) = (F256(near), F256(next));
+        let (b, c) = (right(near, ends0), right(next, ends1));
+        [Pair(a, a), Pair(b, c), Pair(c, d)]
+    }
+}

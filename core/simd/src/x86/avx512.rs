@@ -1,0 +1,267 @@
+//! 16 floats in one register of AVX-512.
+
+use std::arch::x86_64::*;
+use std::ops::{Add, BitAnd, BitOr, Mul, Neg, Sub};
+
+use super::avx2::Pair;
+use super::avx512_apart;
+use super::eight::{F256, all8, bytes8, columns, from8, outward8};
+use super::rows::{expect_lattice, long_rows, rows};
+use crate::{Float, Mask, Part, Simd};
+
+/// AVX-512 (F, BW, DQ, VL).
+#[derive(Clone, Copy, Debug)]
+pub struct Avx512(pub(super) ());
+
+/// 16 floats.
+#[derive(Clone, Copy, Debug)]
+pub struct F512(__m512);
+
+/// Truth values of 16 floats, one a bit.
+#[derive(Clone, Copy, Debug)]
+pub struct M512(__mmask16);
+
+operators!(
+    F512,
+    |a, b| x86!(F512(_mm512_add_ps(a.0, b.0))),
+    x86!(F512(_mm512_sub_ps(a.0, b.0))),
+    x86!(F512(_mm512_mul_ps(a.0, b.0))),
+    x86!(F512(_mm512_xor_ps(a.0, _mm512_set1_ps(-0.0))))
+);
+
+mask!(
+    M512,
+    |a, b| M512(a.0 & b.0),
+    M512(a.0 | b.0),
+    u32::from(a.0)
+);
+
+impl Float<16> for F512 {
+    type Mask = M512;
+    #[inline(always)]
+    fn to_array(self) -> [f32; 16] {
+        let mut out = [0.0; 16];
+        x86!(_mm512_storeu_ps(out.as_mut_ptr(), self.0));
+        out
+    }
+    #[inline(always)]
+    fn min(self, o: Self) -> Self {
+        x86!(F512(_mm512_min_ps(self.0, o.0)))
+    }
+    #[inline(always)]
+    fn max(self, o: Self) -> Self {
+        x86!(F512(_mm512_max_ps(self.0, o.0)))
+    }
+    #[inline(always)]
+    fn mul_add(self, by: Self, plus: Self) -> Self {
+        x86!(F512(_mm512_fmadd_ps(self.0, by.0, plus.0)))
+    }
+    #[inline(always)]
+    fn over(self, by: Self) -> Self {
+        x86!(F512(_mm512_div_ps(self.0, by.0)))
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        x86!(F512(_mm512_abs_ps(self.0)))
+    }
+    #[inline(always)]
+    fn lt(self, o: Self) -> M512 {
+        x86!(M512(_mm512_cmp_ps_mask::<_CMP_LT_OQ>(self.0, o.0)))
+    }
+    #[inline(always)]
+    fn le(self, o: Self) -> M512 {
+        x86!(M512(_mm512_cmp_ps_mask::<_CMP_LE_OQ>(self.0, o.0)))
+    }
+    #[inline(always)]
+    fn or(self, mask: M512, o: Self) -> Self {
+        x86!(F512(_mm512_mask_blend_ps(mask.0, o.0, self.0)))
+    }
+    #[inline(always)]
+    fn least(self) -> f32 {
+        let halves = x86!((
+            F256(_mm512_castps512_ps256(self.0)),
+            F256(_mm512_extractf32x8_ps::<1>(self.0))
+        ));
+        halves.0.min(halves.1).least()
+    }
+    #[inline(always)]
+    fn most(self) -> f32 {
+        let halves = x86!((
+            F256(_mm512_castps512_ps256(self.0)),
+            F256(_mm512_extractf32x8_ps::<1>(self.0))
+        ));
+        halves.0.max(halves.1).most()
+    }
+}
+
+#[inline(always)]
+fn both(x: Pair) -> F512 {
+    x86!(F512(_mm512_insertf32x8::<1>(
+        _mm512_castps256_ps512(x.0.0),
+        x.1.0
+    )))
+}
+
+macro_rules! fours512 {
+    ($join:ident, $a:expr, $b:expr) => {
+        x86!({
+            let t = joined!(
+                $join,
+                _mm512_unpacklo_ps,
+                _mm512_unpackhi_ps,
+                _mm512_permute_ps,
+                $a.0,
+                $b.0
+            );
+            let at = _mm512_setr_epi32(0, 4, 8, 12, 1, 5, 9, 13, 0, 0, 0, 0, 0, 0, 0, 0);
+            F256(_mm512_castps512_ps256(_mm512_permutexvar_ps(at, t)))
+        })
+    };
+}
+
+/// The 5 of each row of 8 that a lattice keeps, the third row being in the second vector.
+const KEPT: [i32; 16] = [0, 1, 2, 3, 4, 8, 9, 10, 11, 12, 16, 17, 18, 19, 20, 20];
+
+/// Lanes of a lattice in rows of 5 at the corners of triangles; see [`Simd::triangles`].
+const ROWS: [[i32; 16]; 3] = [
+    [0, 1, 2, 3, 5, 6, 7, 8, 0, 1, 2, 3, 5, 6, 7, 8],
+    [1, 2, 3, 4, 6, 7, 8, 9, 6, 7, 8, 9, 11, 12, 13, 14],
+    [6, 7, 8, 9, 11, 12, 13, 14, 5, 6, 7, 8, 10, 11, 12, 13],
+];
+
+/// Lanes `at` of `x`.
+#[inline(always)]
+fn permuted(at: &[i32; 16], x: F512) -> F512 {
+    x86!(F512(_mm512_permutexvar_ps(
+        _mm512_loadu_si512(at.as_ptr().cast()),
+        x.0
+    )))
+}
+
+impl Simd for Avx512 {
+    #[inline(always)]
+    fn apart<P: Part<Self>>(self, part: P) -> P::Output {
+        x86!(avx512_apart(part))
+    }
+    type F8 = F256;
+    type F16 = F512;
+    type M16 = M512;
+
+    #[inline(always)]
+    fn all8(self, x: f32) -> F256 {
+        all8(x)
+    }
+    #[inline(always)]
+    fn from8(self, x: &[f32; 8]) -> F256 {
+        from8(x)
+    }
+    #[inline(always)]
+    fn bytes8(self, x: &[u8; 8]) -> F256 {
+        bytes8(x)
+    }
+    #[inline(always)]
+    fn all16(self, x: f32) -> F512 {
+        x86!(F512(_mm512_set1_ps(x)))
+    }
+    #[inline(always)]
+    fn from16(self, x: &[f32; 16]) -> F512 {
+        x86!(F512(_mm512_loadu_ps(x.as_ptr())))
+    }
+    #[inline(always)]
+    fn bytes16(self, low: &[u8; 8], high: &[u8; 8]) -> F512 {
+        x86!({
+            let low = _mm_loadl_epi64(low.as_ptr().cast());
+            let high = _mm_loadl_epi64(high.as_ptr().cast());
+            let bytes = _mm_unpacklo_epi64(low, high);
+            F512(_mm512_cvtepi32_ps(_mm512_cvtepu8_epi32(bytes)))
+        })
+    }
+    #[inline(always)]
+    fn halves(self, low: f32, high: f32) -> F512 {
+        x86!(F512(_mm512_mask_blend_ps(
+            0xff00,
+            _mm512_set1_ps(low),
+            _mm512_set1_ps(high)
+        )))
+    }
+    #[inline(always)]
+    fn split(self, x: F512) -> (F256, F256) {
+        x86!((
+            F256(_mm512_castps512_ps256(x.0)),
+            F256(_mm512_extractf32x8_ps::<1>(x.0))
+        ))
+    }
+    #[inline(always)]
+    fn columns(self, rows: &[u8; 16]) -> [u32; 8] {
+        columns(rows)
+    }
+    #[inline(always)]
+    fn less16(self, x: F512, by: f64) -> F512 {
+        x86!({
+            let by = _mm512_set1_pd(by);
+            let lo = _mm512_cvtps_pd(_mm512_castps512_ps256(x.0));
+            let hi = _mm512_cvtps_pd(_mm512_extractf32x8_ps::<1>(x.0));
+            let lo = _mm512_cvtpd_ps(_mm512_sub_pd(lo, by));
+            let hi = _mm512_cvtpd_ps(_mm512_sub_pd(hi, by));
+            F512(_mm512_insertf32x8::<1>(_mm512_castps256_ps512(lo), hi))
+        })
+    }
+    #[inline(always)]
+    fn mask16(self, bits: u32) -> M512 {
+        M512(bits as u16)
+    }
+    #[inline(always)]
+    fn rows(self, plane: &[f32], at: [usize; 4]) -> [F512; 2] {
+        let [first, later] = rows(plane, at);
+        [both(first), both(later)]
+    }
+    #[inline(always)]
+    fn long_rows(self, plane: &[f32], at: [usize; 2]) -> [F512; 2] {
+        let [first, later] = long_rows(plane, at);
+        [both(first), both(later)]
+    }
+    #[inline(always)]
+    fn least_of_fours(self, a: F512, b: F512) -> F256 {
+        fours512!(_mm512_min_ps, a, b)
+    }
+    #[inline(always)]
+    fn most_of_fours(self, a: F512, b: F512) -> F256 {
+        fours512!(_mm512_max_ps, a, b)
+    }
+    #[inline(always)]
+    fn outward8(self, low: F256, high: F256) -> [[u8; 8]; 2] {
+        outward8(low, high)
+    }
+    #[inline(always)]
+    fn expect_lattice(self, plane: &[f32], first: usize, stride: usize) {
+        expect_lattice(plane, first, stride);
+    }
+    #[inline(always)]
+    fn lattice(self, plane: &[f32], first: usize, stride: usize) -> F512 {
+        assert!(stride < 1 << 16 && first < plane.len());
+        assert!(first + 2 * stride + 8 <= plane.len());
+        // Rows of 8, of which 5 are kept: lanes 0 to 4, 5 to 9 and 10 to 14. Fewer of such loads lie
+        // across two lines of the cache than of wider ones.
+        // SAFETY: AVX-512 is there; the 8 floats of each row are in `plane`.
+        unsafe {
+            let p = plane.as_ptr().wrapping_add(first);
+            let near = _mm512_castps256_ps512(_mm256_loadu_ps(p));
+            let near = _mm512_insertf32x8::<1>(near, _mm256_loadu_ps(p.wrapping_add(stride)));
+            let far = _mm512_castps256_ps512(_mm256_loadu_ps(p.wrapping_add(2 * stride)));
+            let lanes = _mm512_loadu_si512(KEPT.as_ptr().cast());
+            F512(_mm512_permutex2var_ps(near, lanes, far))
+        }
+    }
+    #[inline(always)]
+    fn lane(self, column: usize, row: usize) -> usize {
+        5 * row + column
+    }
+    #[inline(always)]
+    fn triangles(self, lattice: F512) -> [F512; 3] {
+        [
+            permuted(&ROWS[0], lattice),
+            permuted(&ROWS[1], lattice),
+            permuted(&ROWS[2], lattice),
+        ]
+    }
+}

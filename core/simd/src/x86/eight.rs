@@ -1,0 +1,148 @@
+//! 8 floats, in a register of AVX.
+
+use std::arch::x86_64::*;
+use std::ops::{Add, BitAnd, BitOr, Mul, Neg, Sub};
+
+use crate::{Float, Mask};
+
+/// 8 floats.
+#[derive(Clone, Copy, Debug)]
+pub struct F256(pub(super) __m256);
+
+/// Truth values of 8 floats: all bits of a lane, or none.
+#[derive(Clone, Copy, Debug)]
+pub struct M256(pub(super) __m256);
+
+operators!(
+    F256,
+    |a, b| x86!(F256(_mm256_add_ps(a.0, b.0))),
+    x86!(F256(_mm256_sub_ps(a.0, b.0))),
+    x86!(F256(_mm256_mul_ps(a.0, b.0))),
+    x86!(F256(_mm256_xor_ps(a.0, _mm256_set1_ps(-0.0))))
+);
+
+mask!(
+    M256,
+    |a, b| x86!(M256(_mm256_and_ps(a.0, b.0))),
+    x86!(M256(_mm256_or_ps(a.0, b.0))),
+    x86!(_mm256_movemask_ps(a.0)).cast_unsigned()
+);
+
+impl Float<8> for F256 {
+    type Mask = M256;
+    #[inline(always)]
+    fn to_array(self) -> [f32; 8] {
+        let mut out = [0.0; 8];
+        x86!(_mm256_storeu_ps(out.as_mut_ptr(), self.0));
+        out
+    }
+    #[inline(always)]
+    fn min(self, o: Self) -> Self {
+        x86!(F256(_mm256_min_ps(self.0, o.0)))
+    }
+    #[inline(always)]
+    fn max(self, o: Self) -> Self {
+        x86!(F256(_mm256_max_ps(self.0, o.0)))
+    }
+    #[inline(always)]
+    fn mul_add(self, by: Self, plus: Self) -> Self {
+        x86!(F256(_mm256_fmadd_ps(self.0, by.0, plus.0)))
+    }
+    #[inline(always)]
+    fn over(self, by: Self) -> Self {
+        x86!(F256(_mm256_div_ps(self.0, by.0)))
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        x86!(F256(_mm256_andnot_ps(_mm256_set1_ps(-0.0), self.0)))
+    }
+    #[inline(always)]
+    fn lt(self, o: Self) -> M256 {
+        x86!(M256(_mm256_cmp_ps::<_CMP_LT_OQ>(self.0, o.0)))
+    }
+    #[inline(always)]
+    fn le(self, o: Self) -> M256 {
+        x86!(M256(_mm256_cmp_ps::<_CMP_LE_OQ>(self.0, o.0)))
+    }
+    #[inline(always)]
+    fn or(self, mask: M256, o: Self) -> Self {
+        x86!(F256(_mm256_blendv_ps(o.0, self.0, mask.0)))
+    }
+    #[inline(always)]
+    fn least(self) -> f32 {
+        x86!({
+            let a = _mm_min_ps(
+                _mm256_castps256_ps128(self.0),
+                _mm256_extractf128_ps::<1>(self.0),
+            );
+            let a = _mm_min_ps(a, _mm_movehl_ps(a, a));
+            _mm_cvtss_f32(_mm_min_ss(a, _mm_movehdup_ps(a)))
+        })
+    }
+    #[inline(always)]
+    fn most(self) -> f32 {
+        x86!({
+            let a = _mm_max_ps(
+                _mm256_castps256_ps128(self.0),
+                _mm256_extractf128_ps::<1>(self.0),
+            );
+            let a = _mm_max_ps(a, _mm_movehl_ps(a, a));
+            _mm_cvtss_f32(_mm_max_ss(a, _mm_movehdup_ps(a)))
+        })
+    }
+}
+
+#[inline(always)]
+pub(super) fn all8(x: f32) -> F256 {
+    x86!(F256(_mm256_set1_ps(x)))
+}
+
+#[inline(always)]
+pub(super) fn from8(x: &[f32; 8]) -> F256 {
+    x86!(F256(_mm256_loadu_ps(x.as_ptr())))
+}
+
+#[inline(always)]
+pub(super) fn bytes8(x: &[u8; 8]) -> F256 {
+    x86!({
+        let bytes = _mm_loadl_epi64(x.as_ptr().cast());
+        F256(_mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(bytes)))
+    })
+}
+
+/// As [`Simd::columns`] says: a shift brings bit `c` of each byte to its top.
+#[inline(always)]
+pub(super) fn columns(rows: &[u8; 16]) -> [u32; 8] {
+    x86!({
+        let rows = _mm_loadu_si128(rows.as_ptr().cast());
+        let column = |x: __m128i| _mm_movemask_epi8(x).cast_unsigned();
+        [
+            column(_mm_slli_epi16::<7>(rows)),
+            column(_mm_slli_epi16::<6>(rows)),
+            column(_mm_slli_epi16::<5>(rows)),
+            column(_mm_slli_epi16::<4>(rows)),
+            column(_mm_slli_epi16::<3>(rows)),
+            column(_mm_slli_epi16::<2>(rows)),
+            column(_mm_slli_epi16::<1>(rows)),
+            column(rows),
+        ]
+    })
+}
+
+#[inline(always)]
+pub(super) fn outward8(low: F256, high: F256) -> [[u8; 8]; 2] {
+    x86!({
+        let (zero, most) = (_mm256_setzero_ps(), _mm256_set1_ps(255.0));
+        let low = _mm256_max_ps(_mm256_floor_ps(low.0), zero);
+        let high = _mm256_max_ps(_mm256_ceil_ps(high.0), zero);
+        let low = _mm256_cvtps_epi32(_mm256_min_ps(low, most));
+        let high = _mm256_cvtps_epi32(_mm256_min_ps(high, most));
+        // In each half: four of `low`, four of `high`, as 16 bits; then as bytes.
+        let words = _mm256_packus_epi32(low, high);
+        let bytes = _mm256_packus_epi16(words, words);
+        let bytes = _mm256_permutevar8x32_epi32(bytes, _mm256_setr_epi32(0, 4, 1, 5, 0, 4, 1, 5));
+        let mut out = [[0; 8]; 2];
+        _mm_storeu_si128(out.as_mut_ptr().cast(), _mm256_castsi256_si128(bytes));
+        out
+    })
+}

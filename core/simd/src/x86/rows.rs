@@ -1,0 +1,62 @@
+//! Rows of floats as they lie in memory, joined into vectors.
+
+use std::arch::x86_64::*;
+
+use super::avx2::Pair;
+use super::eight::F256;
+
+/// 4 floats from each of 2 places.
+///
+/// # Safety
+/// 4 floats can be read from both.
+#[inline(always)]
+unsafe fn two_rows(a: *const f32, b: *const f32) -> F256 {
+    // SAFETY: as above.
+    unsafe {
+        let near = _mm256_castps128_ps256(_mm_loadu_ps(a));
+        F256(_mm256_insertf128_ps::<1>(near, _mm_loadu_ps(b)))
+    }
+}
+
+/// 4 floats from each of 4 places, and the 4 that begin one later.
+#[inline(always)]
+pub(super) fn rows(plane: &[f32], at: [usize; 4]) -> [Pair; 2] {
+    let last = at[0].max(at[1]).max(at[2].max(at[3]));
+    assert!(plane.len() >= 5 && last <= plane.len() - 5);
+    // SAFETY: the fifth float from each place is in the plane.
+    unsafe {
+        let (a, b) = (plane.as_ptr().add(at[0]), plane.as_ptr().add(at[1]));
+        let (c, d) = (plane.as_ptr().add(at[2]), plane.as_ptr().add(at[3]));
+        [
+            Pair(two_rows(a, b), two_rows(c, d)),
+            Pair(two_rows(a.add(1), b.add(1)), two_rows(c.add(1), d.add(1))),
+        ]
+    }
+}
+
+/// 8 floats from each of 2 places, and the 8 that begin one later.
+#[inline(always)]
+pub(super) fn long_rows(plane: &[f32], at: [usize; 2]) -> [Pair; 2] {
+    assert!(plane.len() >= 9 && at[0].max(at[1]) <= plane.len() - 9);
+    // SAFETY: AVX is there, as the module's text says; the ninth float from each place is in the plane.
+    unsafe {
+        let (a, b) = (plane.as_ptr().add(at[0]), plane.as_ptr().add(at[1]));
+        [
+            Pair(F256(_mm256_loadu_ps(a)), F256(_mm256_loadu_ps(b))),
+            Pair(
+                F256(_mm256_loadu_ps(a.add(1))),
+                F256(_mm256_loadu_ps(b.add(1))),
+            ),
+        ]
+    }
+}
+
+/// Brings rows of a lattice nearer, as [`Simd::expect_lattice`](crate::Simd::expect_lattice) says.
+#[inline(always)]
+pub(super) fn expect_lattice(plane: &[f32], first: usize, stride: usize) {
+    let row = plane.as_ptr().wrapping_add(first);
+    for row in [row, row.wrapping_add(stride), row.wrapping_add(2 * stride)] {
+        // SAFETY: a hint reads nothing, wherever it points.
+        unsafe { _mm_prefetch::<_MM_HINT_T0>(row.cast()) };
+    }
+}
