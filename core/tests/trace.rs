@@ -7,6 +7,7 @@ use std::sync::atomic::AtomicBool;
 
 use glam::{DVec3, Vec3};
 use hdtrapeze_core::grid::DicedMesh;
+use hdtrapeze_core::trace::packet::PACKET;
 use hdtrapeze_core::trace::places::Shift;
 use hdtrapeze_core::trace::world::WorldError;
 use hdtrapeze_core::trace::{
@@ -381,6 +382,13 @@ fn instruction_sets_and_packets_give_the_same_hits() {
                 }
                 assert_eq!(counts.rays, rays.len() as u64);
                 assert!(counts.node_tests > 0 && counts.cell_tests > 0);
+                let mut each = vec![TraceCounts::default(); rays.len()];
+                for (at, each) in each.chunks_mut(PACKET).enumerate() {
+                    let rays = &rays[at * PACKET..][..each.len()];
+                    world.trace_packet(rays, &mut vec![Hit::MISS; each.len()], each);
+                }
+                let sum = each.into_iter().reduce(|a, b| a + b);
+                assert_eq!(sum, Some(counts), "what each cost, and all");
             }
         }
     }
