@@ -124,6 +124,8 @@ pub(crate) enum Change {
 #[derive(Debug, Default)]
 pub(crate) struct EditQueue {
     changes: Vec<Change>,
+    /// Changes before these that a render was asked for with.
+    sealed: Vec<Change>,
     /// Changes in the queue of each prim.
     counts: HashMap<PrimId, usize>,
     known: HashMap<PrimId, (Kind, Arc<str>)>,
@@ -200,15 +202,20 @@ impl EditQueue {
         self.edits
     }
 
+    /// Refuses what is not a camera.
+    pub fn check_camera(&self, id: PrimId) -> Result<(), Error> {
+        match self.find(id)? {
+            (Kind::Camera, _) => Ok(()),
+            (_, path) => Err(Error::InvalidArgument(format!(
+                "{path} (id {}) is not a camera",
+                id.0
+            ))),
+        }
+    }
+
     pub fn push(&mut self, change: Change) -> Result<(), Error> {
         if let Change::ActiveCamera(Some(id)) = change {
-            let (kind, path) = self.find(id)?;
-            if kind != Kind::Camera {
-                return Err(Error::InvalidArgument(format!(
-                    "{path} (id {}) is not a camera",
-                    id.0
-                )));
-            }
+            self.check_camera(id)?;
         }
         // What is left are settings, their AOVs and the active camera.
         self.view_version += 1;
@@ -216,9 +223,31 @@ impl EditQueue {
         Ok(())
     }
 
+    /// All changes.
     pub fn take(&mut self) -> Vec<Change> {
+        self.seal();
+        std::mem::take(&mut self.sealed)
+    }
+
+    /// Draws a line under the changes so far: what comes later is the next render's.
+    pub fn seal(&mut self) -> Edits {
         self.counts.clear();
-        std::mem::take(&mut self.changes)
+        self.sealed.append(&mut self.changes);
+        self.edits
+    }
+
+    /// The sealed changes, and after them the camera, settings and AOVs of a render of them.
+    pub fn take_sealed(
+        &mut self,
+        camera: Option<PrimId>,
+        settings: &RenderSettings,
+    ) -> Vec<Change> {
+        self.view_version += 1;
+        let mut changes = std::mem::take(&mut self.sealed);
+        changes.push(Change::Settings(Box::new(settings.clone())));
+        changes.push(Change::Aovs(settings.aovs.clone()));
+        changes.push(Change::ActiveCamera(camera));
+        changes
     }
 
     /// Remembers the scene that all changes so far have been applied to.
@@ -252,16 +281,22 @@ impl EditQueue {
         };
         apply(
             &mut scene,
-            self.changes.iter().filter(matters).cloned().collect(),
+            self.sealed
+                .iter()
+                .chain(&self.changes)
+                .filter(matters)
+                .cloned()
+                .collect(),
         );
         scene
     }
 
-    /// Applies the queued edits of a prim, and gives the result; nothing where there are none, or
-    /// where edits of others came between them.
+    /// Applies the queued edits of a prim, and gives the result; nothing where there are none,
+    /// where edits of others came between them, or a render of those before is about to begin.
     pub fn complete(&mut self, id: PrimId) -> Result<Option<Arc<PrimDesc>>, Error> {
         let (kind, path) = self.find(id)?;
-        if matches!(kind, Kind::Camera | Kind::Instancer) {
+        // The scene that sealed changes make is not known yet.
+        if matches!(kind, Kind::Camera | Kind::Instancer) || !self.sealed.is_empty() {
             return Ok(None);
         }
         let is_own = |change: &Change| match change {

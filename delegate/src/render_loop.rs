@@ -1,7 +1,8 @@
 //! Renders for hosts that wait for nothing: edits are committed and views rendered on a thread of the
 //! loop, several views one after the other, and files written of them.
 //!
-//! What runs is given up as soon as something else is asked for.
+//! What runs is given up as soon as something else is asked for. What is edited after a call waits for the
+//! next one: hosts edit while renders go on, and half of their edits make no scene.
 
 use std::path::PathBuf;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -76,9 +77,6 @@ struct State {
     jobs: Arc<Vec<Job>>,
     /// Of the session when the jobs were asked for.
     edits: Edits,
-    /// There were several jobs once: the session may be between two of them, so that each is queued
-    /// just before it is rendered. A single one is queued at once.
-    has_several: bool,
     wanted: u64,
     started: u64,
     readable: u64,
@@ -115,16 +113,15 @@ impl RenderLoop {
     pub fn render(&self, jobs: Vec<Job>) -> Result<(), Error> {
         let inner = &self.inner;
         inner.session.check()?;
-        let edits = inner.session.edits();
+        let edits = inner.session.seal();
         let mut state = inner.lock();
         if state.wanted > 0 && state.edits == edits && *state.jobs == jobs {
             return Ok(());
         }
-        self.begin_thread()?;
-        state.has_several |= jobs.len() > 1;
-        if let (false, [job]) = (state.has_several, &*jobs) {
-            inner.queue(&job.view)?;
+        for camera in jobs.iter().filter_map(|job| job.view.camera) {
+            inner.session.check_camera(camera)?;
         }
+        self.begin_thread()?;
         state.edits = edits;
         state.jobs = Arc::new(jobs);
         state.wanted += 1;
@@ -225,13 +222,6 @@ impl Inner {
             .unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Makes a view what the session renders next.
-    fn queue(&self, view: &View) -> Result<(), Error> {
-        self.session.set_settings(view.settings.clone())?;
-        self.session.set_aovs(view.settings.aovs.clone())?;
-        self.session.set_active_camera(view.camera)
-    }
-
     /// The loop's thread.
     fn run(&self) {
         let mut state = self.lock();
@@ -240,16 +230,22 @@ impl Inner {
                 state = self.wait(state);
             }
             if state.quit {
+                let has_files = state.jobs.iter().any(|job| !job.files.is_empty());
+                if has_files && state.finished < state.wanted {
+                    drop(state);
+                    let text = "the host is gone before all its products are written";
+                    self.session.with_log(|| tracing::info!("{text}"));
+                }
                 return;
             }
             let mine = state.wanted;
             state.started = mine;
             state.busy = true;
-            let (jobs, queues) = (Arc::clone(&state.jobs), state.has_several);
+            let jobs = Arc::clone(&state.jobs);
             drop(state);
             let is_last = |job: usize| job + 1 == jobs.len();
             let is_whole = (0..jobs.len()).all(|job| {
-                let run = || self.run_job(&jobs[job], mine, queues, is_last(job));
+                let run = || self.run_job(&jobs[job], mine, is_last(job));
                 // What panics has failed, and there is no more to come.
                 self.session.guard(run).unwrap_or(true)
             });
@@ -264,17 +260,14 @@ impl Inner {
     }
 
     /// False where it is given up, and with it the other jobs.
-    fn run_job(&self, job: &Job, mine: u64, queues: bool, is_last: bool) -> bool {
+    fn run_job(&self, job: &Job, mine: u64, is_last: bool) -> bool {
         // A cancel that was meant for the render before may come late: then it is made again.
         let failure = loop {
             if !is_last {
                 self.lock().readable = 0;
             }
-            let queued = match queues {
-                true => self.queue(&job.view),
-                false => Ok(()),
-            };
-            let mut result = queued.and_then(|()| self.session.start());
+            let view = &job.view;
+            let mut result = self.session.start_sealed(view.camera, &view.settings);
             if result.is_ok() {
                 if is_last {
                     self.lock().readable = mine;

@@ -175,6 +175,11 @@ impl Session {
         Ok(())
     }
 
+    /// Refuses what is not a camera.
+    pub(crate) fn check_camera(&self, id: PrimId) -> Result<(), Error> {
+        lock(&self.edits).check_camera(id)
+    }
+
     /// Edits that were queued so far.
     pub fn edits(&self) -> Edits {
         lock(&self.edits).edits()
@@ -206,7 +211,7 @@ impl Session {
         self.may_wait()?;
         let work = &mut *lock(&self.work);
         self.shared.check()?;
-        self.apply_edits(work);
+        self.apply_edits(work, EditQueue::take);
         if work.current {
             return Ok(());
         }
@@ -223,10 +228,29 @@ impl Session {
 
     /// Commits, then renders from the first sample on a thread of the session.
     pub fn start(&self) -> Result<(), Error> {
+        self.start_with(EditQueue::take)
+    }
+
+    /// The same with the edits that were sealed, whole, and none of those after: a view of theirs, with
+    /// its AOVs.
+    pub(crate) fn start_sealed(
+        &self,
+        camera: Option<PrimId>,
+        settings: &RenderSettings,
+    ) -> Result<(), Error> {
+        self.start_with(|edits| edits.take_sealed(camera, settings))
+    }
+
+    /// Seals the edits so far, and tells how many there were ever.
+    pub(crate) fn seal(&self) -> Edits {
+        lock(&self.edits).seal()
+    }
+
+    fn start_with(&self, take: impl FnOnce(&mut EditQueue) -> Vec<Change>) -> Result<(), Error> {
         self.may_wait()?;
         let work = &mut *lock(&self.work);
         self.shared.check()?;
-        self.apply_edits(work);
+        self.apply_edits(work, take);
         self.stop(work);
         let cancel = self.shared.begin();
         let result = match work.current {
@@ -313,7 +337,7 @@ impl Session {
         self.may_wait()?;
         let work = &mut *lock(&self.work);
         self.shared.check()?;
-        self.apply_edits(work);
+        self.apply_edits(work, EditQueue::take);
         self.shared.guard(|| dump(&work.scene))
     }
 
@@ -466,9 +490,10 @@ impl Session {
         }
     }
 
-    fn apply_edits(&self, work: &mut Work) {
+    fn apply_edits(&self, work: &mut Work, take: impl FnOnce(&mut EditQueue) -> Vec<Change>) {
         let mut edits = lock(&self.edits);
-        if apply(&mut work.scene, edits.take()) {
+        let changes = take(&mut edits);
+        if apply(&mut work.scene, changes) {
             edits.applied(&work.scene);
             work.version += 1;
             work.current = false;

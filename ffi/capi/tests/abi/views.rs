@@ -314,6 +314,86 @@ fn products_are_written_and_those_that_cannot_be_are_told() {
     assert_eq!(std::fs::read_dir(&folder.0).unwrap().count(), 3);
 }
 
+/// Texts, without what is said of products that name no vars.
+fn messages(received: &Received) -> Vec<String> {
+    let mut told: Vec<_> = received.take().into_iter().map(|told| told.3).collect();
+    told.retain(|text| !text.contains("orderedVars is empty"));
+    told
+}
+
+#[test]
+fn products_hold_the_scene_that_they_were_asked_for_with() {
+    let (session, camera) = scene();
+    let folder = Folder::new("wholes");
+    let received = Received::default();
+    listen(&session, &received, TRZ_LOG_INFO);
+    let all = [1, 2, 3].map(small_settings);
+    let names = [0, 1].map(|i| c_string(folder.0.join(format!("{i}.png")).to_str().unwrap()));
+    let products = [0, 1].map(|i| trz_product {
+        name: names[i].as_ptr(),
+        camera,
+        ..product([c"/first", c"/second"][i].as_ptr(), &all[i])
+    });
+    let pointers = products.each_ref().map(|product| &raw const *product);
+    let own = trz_view {
+        camera,
+        ..view(&all[2], &COLOR)
+    };
+    ok(session.pause(1));
+    ok(render(&session, &own, &pointers));
+    until("the first one begins", || {
+        session.progress().state == TRZ_STATE_PAUSED
+    });
+    // Half of what a host does that goes, or loads another scene.
+    let instancer = session.instancer("/instancer");
+    // SAFETY: live sessions and ids.
+    unsafe {
+        ok(trz_prim_remove(session.0, camera));
+        let part = session.square("/part", 0.5);
+        ok(trz_prim_set_instancer(session.0, part, instancer, 7));
+    }
+    ok(session.pause(0));
+    converge(&session);
+    assert_eq!(session.statistics().prims, 1, "what was edited waits");
+    assert!(
+        names
+            .iter()
+            .all(|name| std::path::Path::new(name.to_str().unwrap()).is_file())
+    );
+    assert_eq!(messages(&received), Vec::<String>::new());
+    // The next call has it all: the camera that was rendered through is no more.
+    fails(render(&session, &own, &pointers), TRZ_ERROR_NOT_FOUND);
+    let none = trz_view { camera: 0, ..own };
+    ok(render(&session, &none, &[]));
+    converge(&session);
+    assert_eq!(session.progress().state, TRZ_STATE_FAILED);
+}
+
+#[test]
+fn a_host_that_goes_is_told_of_its_files_once() {
+    let (session, camera) = scene();
+    let received = Received::default();
+    listen(&session, &received, TRZ_LOG_INFO);
+    let settings = small_settings(1 << 20);
+    let product = trz_product {
+        name: c"never.png".as_ptr(),
+        camera,
+        ..product(c"/product".as_ptr(), &settings)
+    };
+    let own = trz_view {
+        camera,
+        ..view(&settings, &COLOR)
+    };
+    ok(render(&session, &own, &[&raw const product]));
+    until("samples are taken", || session.progress().samples_done > 0);
+    drop(session);
+    let told = messages(&received);
+    assert_eq!(
+        told,
+        ["the host is gone before all its products are written"]
+    );
+}
+
 #[test]
 fn a_backend_that_is_not_there_is_replaced() {
     let (session, camera) = scene();
