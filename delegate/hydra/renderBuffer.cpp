@@ -9,11 +9,11 @@ PXR_NAMESPACE_OPEN_SCOPE
 
 namespace {
 
-// TRZ_COMPONENT_* of a format's components. False for depths with stencils, and 16-bit integers:
-// such buffers stay black.
+// TRZ_COMPONENT_* of a format's components. False for those of other types.
 bool _Component(HdFormat format, uint32_t* out) {
     switch (HdGetComponentFormat(format)) {
     case HdFormatFloat32:
+    case HdFormatFloat32UInt8: // a depth, and as many bytes with a stencil, which stays 0
         *out = TRZ_COMPONENT_FLOAT32;
         return true;
     case HdFormatFloat16:
@@ -76,6 +76,10 @@ bool HdTrapezeRenderBuffer::Allocate(GfVec3i const& dimensions, HdFormat format,
                 dimensions[1]);
         return false;
     }
+    if (!_Component(format, &_shown.component)) {
+        TF_WARN("Trapeze: pixels of format %d are not supported; <%s> stays black",
+                static_cast<int>(format), GetId().GetText());
+    }
     _format = format;
     _shown.width = dimensions[0];
     _shown.height = dimensions[1];
@@ -114,12 +118,14 @@ void HdTrapezeRenderBuffer::_Update() {
     if (!_param || _data.empty() || !_Component(_format, &_shown.component)) {
         return;
     }
+    bool const hasStencil = _format == HdFormatFloat32UInt8;
+    VtValue const value = hasStencil && _clear.IsHolding<HdDepthStencilType>()
+                              ? VtValue(_clear.UncheckedGet<HdDepthStencilType>().first)
+                              : _clear;
     HdTrapezeNumbers clear;
-    bool const isClear = HdTrapezeNumbers::View(_clear, &clear) && !clear.isArray &&
-                         (clear.type == TRZ_NUMBERS_FLOAT32 || clear.type == TRZ_NUMBERS_FLOAT64 ||
-                          clear.type == TRZ_NUMBERS_INT32);
+    bool const isClear = HdTrapezeNumbers::View(value, &clear) && !clear.isArray;
     _shown.struct_size = sizeof(_shown);
-    _shown.components = static_cast<uint32_t>(HdGetComponentCount(_format));
+    _shown.components = hasStencil ? 2 : static_cast<uint32_t>(HdGetComponentCount(_format));
     _shown.bottom_up = 1;
     _shown.origin[0] = _origin[0];
     _shown.origin[1] = _origin[1];

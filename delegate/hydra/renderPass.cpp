@@ -278,7 +278,10 @@ void HdTrapezeRenderPass::_Execute(HdRenderPassStateSharedPtr const& state,
     view.aovs = aovs.data();
     view.aov_count = static_cast<uint32_t>(aovs.size());
     view.frame = HdTrapezeCurrentFrame(index);
-    view.settings_path = prim ? prim->GetId().GetText() : nullptr;
+    if (prim) {
+        view.settings_path = prim->GetId().GetText();
+        HdTrapezeReadShape(index, prim->GetId(), &view);
+    }
     trz_result const result =
         trz_view_render(param.Session(), &view, products.All().data(), products.All().size());
     if (result != TRZ_OK && result != TRZ_ERROR_POISONED) {

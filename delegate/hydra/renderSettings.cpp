@@ -18,9 +18,26 @@ PXR_NAMESPACE_OPEN_SCOPE
 namespace {
 
 TF_DEFINE_PRIVATE_TOKENS(_tokens,
-                         (instantaneousShutter)((default_, "default"))(
+                         (instantaneousShutter)(resolution)(dataWindowNDC)((default_, "default"))(
                              (usdRenderSettings, "__usdRenderSettings"))((usdRenderProduct,
                                                                           "__usdRenderProduct")));
+
+// An attribute of a RenderSettings or RenderProduct prim, of scene indices.
+template <class T>
+std::optional<T> _Authored(HdRenderIndex const& index, SdfPath const& id, TfToken const& name) {
+    HdSceneIndexBaseRefPtr const scene = index.GetTerminalSceneIndex();
+    HdContainerDataSourceHandle const source =
+        scene ? scene->GetPrim(id).dataSource : HdContainerDataSourceHandle();
+    for (TfToken const& schema : {_tokens->usdRenderSettings, _tokens->usdRenderProduct}) {
+        auto const prim = source ? HdContainerDataSource::Cast(source->Get(schema))
+                                 : HdContainerDataSourceHandle();
+        if (auto const value =
+                prim ? HdTypedSampledDataSource<T>::Cast(prim->Get(name)) : nullptr) {
+            return value->GetTypedValue(0.0f);
+        }
+    }
+    return std::nullopt;
+}
 
 } // namespace
 
@@ -118,19 +135,16 @@ double HdTrapezeCurrentFrame(HdRenderIndex const& index) {
 }
 
 bool HdTrapezeIsInstantaneous(HdRenderIndex const& index, SdfPath const& id) {
-    HdSceneIndexBaseRefPtr const scene = index.GetTerminalSceneIndex();
-    HdContainerDataSourceHandle const source =
-        scene ? scene->GetPrim(id).dataSource : HdContainerDataSourceHandle();
-    for (TfToken const& schema : {_tokens->usdRenderSettings, _tokens->usdRenderProduct}) {
-        auto const prim = source ? HdContainerDataSource::Cast(source->Get(schema))
-                                 : HdContainerDataSourceHandle();
-        auto const value =
-            prim ? HdBoolDataSource::Cast(prim->Get(_tokens->instantaneousShutter)) : nullptr;
-        if (value && value->GetTypedValue(0.0f)) {
-            return true;
-        }
+    return _Authored<bool>(index, id, _tokens->instantaneousShutter).value_or(false);
+}
+
+void HdTrapezeReadShape(HdRenderIndex const& index, SdfPath const& id, trz_view* view) {
+    if (auto const resolution = _Authored<GfVec2i>(index, id, _tokens->resolution)) {
+        std::copy_n(resolution->data(), 2, view->resolution);
     }
-    return false;
+    if (auto const window = _Authored<GfVec4f>(index, id, _tokens->dataWindowNDC)) {
+        std::copy_n(window->data(), 4, view->data_window);
+    }
 }
 
 SdfPath HdTrapezeActiveSettings(HdRenderIndex const& index) {

@@ -49,6 +49,9 @@ double HdTrapezeCurrentFrame(HdRenderIndex const& index);
 /// disableMotionBlur. Only scene indices tell.
 bool HdTrapezeIsInstantaneous(HdRenderIndex const& index, SdfPath const& id);
 
+/// Resolution and data window of a RenderSettings prim; as they are where the host does not tell.
+void HdTrapezeReadShape(HdRenderIndex const& index, SdfPath const& id, trz_view* view);
+
 /// Path of the active RenderSettings prim; empty for none.
 SdfPath HdTrapezeActiveSettings(HdRenderIndex const& index);
 

@@ -93,10 +93,12 @@ bool HdTrapezeSettingsLayer::Set(TfToken const& key, VtValue const& value, std::
     }
     trz_settings trial = HdTrapezeDefaultSettings();
     if (!_Set(&trial, key, value)) {
-        std::string const used = setting->fallback.IsEmpty() ? "it is ignored"
-                                 : _owner == Owner::Product
-                                     ? "the render settings' is used"
-                                     : TfStringify(setting->fallback) + " is used";
+        std::string used = setting->fallback.IsEmpty() ? "it is ignored"
+                           : _owner == Owner::Product ? "the render settings' is used"
+                                                      : TfStringify(setting->fallback) + " is used";
+        if (_owner == Owner::Host && setting->isOfPrims && !setting->fallback.IsEmpty()) {
+            used = "the render settings' is used, else " + TfStringify(setting->fallback);
+        }
         *why = key.GetString() + " is " + TfStringify(value) +
                ", which cannot be: " + trz_last_error() + "; " + used;
         return false;

@@ -18,6 +18,9 @@ use crate::session::Session;
 /// Largest width and height of an image, and of it with overscan, pixels.
 const LARGEST_RESOLUTION: i32 = 65_536;
 
+/// The data window that is the image.
+const WHOLE: [f32; 4] = [0.0, 0.0, 1.0, 1.0];
+
 /// A render product (UsdRenderProduct) as authored, and what its image is rendered with.
 #[derive(Clone, Debug)]
 pub struct Product {
@@ -58,6 +61,10 @@ pub struct Request {
     pub frame: Option<f64>,
     /// Path of the RenderSettings prim; empty for none.
     pub settings_path: String,
+    /// Its resolution, which products take whose own cannot be; where this cannot be either, the view's.
+    pub resolution: [i32; 2],
+    /// The same of its dataWindowNDC; where this cannot be either, the whole image.
+    pub data_window: [f32; 4],
     /// Products to write.
     pub products: Vec<Product>,
 }
@@ -105,8 +112,9 @@ impl Session {
                 camera => format!("its camera {camera} is no camera"),
             });
         }
-        let mut settings = image(product)?;
-        for text in unusable(product, &settings) {
+        let (shape, why) = shape(product, request);
+        let mut settings = image(&shape)?;
+        for text in why.into_iter().chain(unusable(&shape, &settings)) {
             self.say_once(&product.path, &text);
         }
         let vars = self.vars(product, &mut settings.aovs)?;
@@ -215,12 +223,67 @@ fn place(path: &str) -> PathBuf {
     known.unwrap_or(path)
 }
 
+/// The product with the settings' resolution and data window in place of those that cannot be, and what
+/// there is to say of it.
+fn shape(product: &Product, request: &Request) -> (Product, Vec<String>) {
+    let mut shape = product.clone();
+    let mut texts = Vec::new();
+    if let Err(why) = check_resolution(product.resolution) {
+        let is_known = check_resolution(request.resolution).is_ok();
+        shape.resolution = match is_known {
+            true => request.resolution,
+            false => request.view.settings.resolution.map(u32::cast_signed),
+        };
+        let [width, height] = product.resolution;
+        texts.push(format!(
+            "resolution is ({width}, {height}), which cannot be: {why}; the {} is used",
+            if is_known {
+                "render settings'"
+            } else {
+                "host's"
+            }
+        ));
+    }
+    if let Err(why) = check_window(product.data_window) {
+        let is_known = check_window(request.data_window).is_ok();
+        shape.data_window = match is_known {
+            true => request.data_window,
+            false => WHOLE,
+        };
+        let [left, bottom, right, top] = product.data_window;
+        texts.push(format!(
+            "dataWindowNDC is ({left}, {bottom}, {right}, {top}), which cannot be: {why}; {} is used",
+            if is_known { "the render settings'" } else { "all of the image" }
+        ));
+    }
+    (shape, texts)
+}
+
+fn check_resolution([width, height]: [i32; 2]) -> Result<(), String> {
+    for (size, what) in [(width, "width"), (height, "height")] {
+        if !(1..=LARGEST_RESOLUTION).contains(&size) {
+            return Err(format!(
+                "the image {what} must be from 1 to {LARGEST_RESOLUTION} pixels"
+            ));
+        }
+    }
+    Ok(())
+}
+
+fn check_window(window @ [left, bottom, right, top]: [f32; 4]) -> Result<(), &'static str> {
+    // Both also where an edge is no number.
+    if !(left < right && bottom < top) {
+        return Err("the data window must have xmin < xmax and ymin < ymax");
+    }
+    match window.iter().all(|edge| edge.abs() <= 100.0) {
+        true => Ok(()),
+        false => Err("the data window reaches absurdly far out of the image"),
+    }
+}
+
 /// The settings of a product with the shape of its image.
 fn image(product: &Product) -> Result<RenderSettings, String> {
     let [width, height] = product.resolution;
-    if !(1..=LARGEST_RESOLUTION).contains(&width) || !(1..=LARGEST_RESOLUTION).contains(&height) {
-        return Err(format!("its resolution is {width} x {height}"));
-    }
     let window_policy = match product.conform.as_str() {
         "cropAperture" => WindowPolicy::Crop,
         "adjustApertureWidth" => WindowPolicy::MatchVertically,
@@ -267,14 +330,11 @@ fn unusable(product: &Product, used: &RenderSettings) -> Vec<String> {
     texts
 }
 
-/// The pixels of a data window in NDC, whose y goes up: those whose centres are inside. None for all.
+/// The pixels of a data window in NDC that can be, whose y goes up: those whose centres are inside. None for
+/// all.
 fn data_window(window: [f32; 4], [width, height]: [i32; 2]) -> Result<Option<[i32; 4]>, String> {
-    if window == [0.0, 0.0, 1.0, 1.0] {
+    if window == WHOLE {
         return Ok(None);
-    }
-    // Also where an edge is no number.
-    if !window.iter().all(|edge| edge.abs() <= 100.0) {
-        return Err("its data window reaches absurdly far out of the image".to_owned());
     }
     let [left, bottom, right, top] = window.map(f64::from);
     let pixel = |edge: f64, size: i32| (edge * f64::from(size) - 0.5).ceil() as i32;
@@ -331,16 +391,17 @@ mod tests {
         // y goes up there, and down here.
         assert_eq!(window([0.25, 0.5, 0.75, 1.5]), Ok(Some([25, -25, 75, 25])));
         assert_eq!(window([0.006, 0.0, 1.0, 1.0]), Ok(Some([1, 0, 100, 50])));
-        let largest = 65_536.0 / 100.0;
         for wrong in [
             [0.5, 0.5, 0.5, 0.6],
             [0.6, 0.0, 0.5, 1.0],
             [0.0, 0.0, f32::NAN, 1.0],
+            [f32::NEG_INFINITY, 0.0, 1.0, 1.0],
             [-101.0, 0.0, 1.0, 1.0],
-            [0.0, 0.0, largest, 1.0],
         ] {
-            assert!(window(wrong).is_err(), "{wrong:?}");
+            assert!(check_window(wrong).is_err(), "{wrong:?}");
         }
+        assert!(window([0.5, 0.5, 0.504, 0.6]).is_err(), "no pixel");
+        assert_eq!(check_window([0.5, 0.5, 0.504, 0.6]), Ok(()));
         assert!(data_window([-99.0, 0.0, 1.0, 1.0], [65_536, 8]).is_err());
     }
 

@@ -25,6 +25,25 @@ pub enum Numbers<'a> {
     U8(&'a [u8]),
 }
 
+impl Numbers<'_> {
+    /// All as real numbers.
+    pub fn to_f64(self) -> Vec<f64> {
+        fn reals<T: Copy>(values: &[T], real: impl Fn(T) -> f64) -> Vec<f64> {
+            values.iter().map(|&value| real(value)).collect()
+        }
+        match self {
+            Numbers::F32(values) => reals(values, f64::from),
+            Numbers::F64(values) => values.to_vec(),
+            Numbers::F16(values) => reals(values, |bits| f16::from_bits(bits).to_f64()),
+            Numbers::I32(values) => reals(values, f64::from),
+            Numbers::U32(values) => reals(values, f64::from),
+            Numbers::I64(values) => reals(values, |value| value as f64),
+            Numbers::U64(values) => reals(values, |value| value as f64),
+            Numbers::U8(values) => reals(values, f64::from),
+        }
+    }
+}
+
 /// One sample of a primvar as authored.
 #[derive(Clone, Copy, Debug)]
 pub struct AuthoredSample<'a> {

@@ -113,7 +113,7 @@ impl RenderLoop {
     pub fn render(&self, jobs: Vec<Job>) -> Result<(), Error> {
         let inner = &self.inner;
         inner.session.check()?;
-        let edits = inner.session.seal();
+        let edits = inner.session.edits();
         let mut state = inner.lock();
         if state.wanted > 0 && state.edits == edits && *state.jobs == jobs {
             return Ok(());
@@ -121,8 +121,14 @@ impl RenderLoop {
         for camera in jobs.iter().filter_map(|job| job.view.camera) {
             inner.session.check_camera(camera)?;
         }
+        // A dump shows the host's view from now on.
+        if let Some(Job { view, .. }) = jobs.last() {
+            inner.session.set_settings(view.settings.clone())?;
+            inner.session.set_aovs(view.settings.aovs.clone())?;
+            inner.session.set_active_camera(view.camera)?;
+        }
         self.begin_thread()?;
-        state.edits = edits;
+        state.edits = inner.session.seal();
         state.jobs = Arc::new(jobs);
         state.wanted += 1;
         let running = state.busy;

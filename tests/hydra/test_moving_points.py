@@ -62,6 +62,13 @@ def test_a_blur_scale_that_a_host_gives_no_samples_for(host):
     assert ran.warnings == ([] if host.scene_index else [("/quad", told)])
 
 
+def test_a_blur_scale_that_is_no_number(host):
+    scene = export(host, scaled(blurScale=float("nan")), -0.25, 0.25)
+    ran = host.run(RECORD, scene=scene, camera="/camera", frame=0.0, choices={})
+    told = "its motion blur scale NaN is not finite; it is taken as 1 (not-finite)"
+    assert ran.warnings == [("/quad", told)]
+
+
 def test_a_skeleton_moves_points_between_its_own_samples(delegate_host):
     """OpenUSD evaluates skinning at the frame as well, with matrices that it held. (Scene indices
     of 25.02 know no skeletons.)"""

@@ -37,9 +37,10 @@ def test_the_panel_shows_settings_with_their_defaults(delegate_host):
     ("name", "value", "text"),
     [
         ("filter", "triangle", "it must be one of box, gaussian"),
-        ("samples", 0, "it must be from 1 to 1048576; 64 is used"),
+        ("samples", 0, "it must be from 1 to 1048576; the render settings' is used, else 64"),
+        ("threads", -1, "it must be from 0 to 4096; 0 is used"),
         ("samples", "many", "it must be a whole number"),
-        ("shadingRate", -1.0, "it must be from 0.01 to 1000; 1 is used"),
+        ("shadingRate", -1.0, "it must be from 0.01 to 1000; the render settings' is used, else 1"),
         ("overrideShutter", 1, "it must be true or false"),
         ("nonsense", 1, "trapeze:nonsense is no setting of this renderer"),
     ],
@@ -124,6 +125,22 @@ def test_a_prim_speaks_where_the_host_has_no_opinion(host):
     texts = sorted(text for path, text in ran.warnings if path == "/Settings")
     assert len(texts) == len(ran.warnings) == 2
     assert "trapeze:filter is none" in texts[0] and "trapeze:threads is no setting" in texts[1]
+
+
+def test_prims_with_too_many_micropolygons_are_told_of_together(host):
+    ran = run(
+        host,
+        """
+    for name in "xyz":
+        points = UsdGeom.Points.Define(stage, f"/{name}")
+        points.CreatePointsAttr([(0, 0, 0)])
+        points.CreateWidthsAttr([1.0])
+    view = View(stage, "/cam", samples=1, maxMicropolygons=1)
+    view.render()
+    """,
+    )
+    text = "3 prims need more micropolygons than a prim may have; they are diced more coarsely"
+    assert ran.warnings == [("/x", f"{text} (budget)")]
 
 
 def blurred(ran, count):

@@ -101,6 +101,7 @@ impl PrimObjects {
                 self.shading = old.shading.clone();
                 self.primvars = old.primvars.clone();
                 self.warnings.clone_from(&old.shape_warnings);
+                self.coarsened = old.coarsened;
                 shared
             }
             None => {
@@ -132,6 +133,7 @@ impl PrimObjects {
             .filter(|(_, diced)| *diced == rate || finer(*diced));
         if shape.is_none() && (alone > 0 || (any_shared && kept.is_none())) {
             self.warnings.clear();
+            self.coarsened &= kept.is_some();
             shape = make(self);
             if shape.is_none() {
                 return;

@@ -291,6 +291,7 @@ pub fn prepare_with(
         });
         cache.extend(kept.collect::<Vec<_>>());
     }
+    warnings.extend(coarsened(&prims));
     let primvar_aovs = primvar_aovs::assign(&view.primvar_aovs, &mut prims, &mut warnings);
     aovs.extend(primvar_aovs.iter().cloned().map(Aov::Primvar));
     let (world, sets) = place(&prims, &view, cancel, &mut statistics)?;
@@ -382,6 +383,20 @@ pub(crate) fn resolve_shutter(
         return Shutter { open, close: open };
     }
     Shutter { open, close }
+}
+
+/// How many prims have fewer micropolygons than they need, since the settings allow no more.
+fn coarsened(prims: &[PreparedPrim]) -> Option<Warning> {
+    let mut coarse = prims.iter().filter(|prim| prim.objects.coarsened);
+    let first = coarse.next()?;
+    let text = match coarse.count() {
+        0 => "needs more micropolygons than a prim may have; it is diced more coarsely".to_owned(),
+        more => format!(
+            "{} prims need more micropolygons than a prim may have; they are diced more coarsely",
+            more + 1
+        ),
+    };
+    Some(Warning::new(&first.path, Code::Budget, text))
 }
 
 fn resolve_aovs(settings: &RenderSettings, warnings: &mut Vec<Warning>) -> Vec<Aov> {

@@ -1114,6 +1114,10 @@ typedef struct trz_view {
   double frame;
   // Path of the RenderSettings prim that products are of; NULL for none.
   const char *settings_path;
+  // Its resolution, for products whose own cannot be; 0 where that is not known: then the view's.
+  int32_t resolution[2];
+  // The same of its dataWindowNDC, as a product's; all 0 where that is not known: then all of the image.
+  float data_window[4];
 } trz_view;
 
 // A render var of a product (UsdRenderVar) as authored. Texts are UTF-8; NULL where nothing is
@@ -1194,7 +1198,7 @@ typedef struct trz_buffer {
   int32_t origin[2];
   // clear_count numbers of clear_type: what is shown where nothing was rendered, and behind color.
   const void *clear;
-  // TRZ_NUMBERS_FLOAT32, TRZ_NUMBERS_FLOAT64 or TRZ_NUMBERS_INT32.
+  // TRZ_NUMBERS_*.
   uint32_t clear_type;
   // Numbers of the clear value; 0: all is 0.
   uint32_t clear_count;

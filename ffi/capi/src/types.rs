@@ -657,6 +657,10 @@ pub struct trz_view {
     pub frame: f64,
     /// Path of the RenderSettings prim that products are of; NULL for none.
     pub settings_path: *const c_char,
+    /// Its resolution, for products whose own cannot be; 0 where that is not known: then the view's.
+    pub resolution: [i32; 2],
+    /// The same of its dataWindowNDC, as a product's; all 0 where that is not known: then all of the image.
+    pub data_window: [f32; 4],
 }
 
 /// A render product (UsdRenderProduct) as authored, and what its image is rendered with. Texts are
@@ -716,7 +720,7 @@ pub struct trz_buffer {
     pub origin: [i32; 2],
     /// clear_count numbers of clear_type: what is shown where nothing was rendered, and behind color.
     pub clear: *const c_void,
-    /// TRZ_NUMBERS_FLOAT32, TRZ_NUMBERS_FLOAT64 or TRZ_NUMBERS_INT32.
+    /// TRZ_NUMBERS_*.
     pub clear_type: u32,
     /// Numbers of the clear value; 0: all is 0.
     pub clear_count: u32,

@@ -132,7 +132,7 @@ fn all_layouts() -> Layouts {
         }
         trz_value { kind, integer, numbers, text }
         trz_setting { struct_size, of_prims, name, label, fallback }
-        trz_view { struct_size, aov_count, camera, settings, aovs, frame, settings_path }
+        trz_view { struct_size, aov_count, camera, settings, aovs, frame, settings_path, resolution, data_window }
         trz_product {
             struct_size, pixel_aspect, path, r#type, name, camera, camera_path, camera_aspect, resolution,
             data_window, conform, settings, vars, var_count,

@@ -49,9 +49,7 @@ impl Shape for Curves {
             Ok(diced) => {
                 out.limit_evaluations += diced.evaluations;
                 out.segments = out.segments.max(diced.mesh.key_times.len() - 1);
-                if diced.coarsened {
-                    warn_coarsened(path, most, out);
-                }
+                out.coarsened |= diced.coarsened;
                 Some(diced.mesh)
             }
             Err(DiceError::Cancelled) => None,
@@ -61,14 +59,6 @@ impl Shape for Curves {
             }
         }
     }
-}
-
-pub(super) fn warn_coarsened(path: &str, most: u64, out: &mut PrimObjects) {
-    let text = format!(
-        "needs more than {most} micropolygons at this shading rate; it is diced more coarsely"
-    );
-    out.coarsened = true;
-    out.warn(path, Code::Budget, text);
 }
 
 /// How many values primvars of curves have.

@@ -1,6 +1,5 @@
 //! Spheres.
 
-use super::curves::warn_coarsened;
 use super::primvars::Primvars;
 use super::{Shape, Target};
 use crate::diagnostics::Code;
@@ -44,9 +43,7 @@ impl Shape for Spheres {
         };
         match dice(&input) {
             Ok(diced) => {
-                if diced.coarsened {
-                    warn_coarsened(path, most, out);
-                }
+                out.coarsened |= diced.coarsened;
                 Some(diced.mesh)
             }
             Err(DiceError::Cancelled) => None,

@@ -37,12 +37,7 @@ pub(super) fn dice_surface(
         }
     };
     out.limit_evaluations += output.limit_evaluations;
-    if output.coarsened {
-        let text = format!(
-            "needs more than {most} micropolygons at this shading rate; it is diced more coarsely"
-        );
-        out.warn(path, Code::Budget, text);
-    }
+    out.coarsened |= output.coarsened;
     if output.dropped_faces > 0 {
         let text = format!(
             "{} faces have a limit surface that is not finite; dropped",

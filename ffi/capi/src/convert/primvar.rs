@@ -71,7 +71,7 @@ pub(crate) unsafe fn primvar<'a>(from: &trz_primvar) -> Result<AuthoredPrimvar<'
 }
 
 /// Safety: `first` is null or points to `count` numbers of the type.
-unsafe fn numbers<'a>(
+pub(crate) unsafe fn numbers<'a>(
     kind: u32,
     first: *const c_void,
     count: usize,

@@ -6,10 +6,11 @@ use hdtrapeze_delegate::buffer::{Component, Layout};
 use hdtrapeze_delegate::plan::{Product, Request};
 use hdtrapeze_delegate::render_loop::View;
 
+use super::primvar::numbers;
 use super::{exr, pick, refuse, render_vars};
 use crate::constants::*;
 use crate::fault::Fault;
-use crate::input::{flag, read, slice, text, text_or_empty, texts};
+use crate::input::{flag, read, text, text_or_empty, texts};
 use crate::types::*;
 
 /// Safety: pointers are null or as the header says.
@@ -33,6 +34,8 @@ pub(crate) unsafe fn request(
             },
             frame: Some(from.frame).filter(|frame| frame.is_finite()),
             settings_path: text_or_empty(from.settings_path, "settings_path")?,
+            resolution: from.resolution,
+            data_window: from.data_window,
             products: products?,
         })
     }
@@ -95,17 +98,15 @@ pub(crate) unsafe fn buffer(from: &trz_buffer) -> Result<(Layout, usize), Fault>
     if !(1..=4).contains(&from.components) {
         return refuse("components", from.components, "are not 1 to 4");
     }
-    let (first, count) = (from.clear, from.clear_count as usize);
     // SAFETY: as the caller promises.
     let clear = unsafe {
-        match from.clear_type {
-            _ if count == 0 => Vec::new(),
-            TRZ_NUMBERS_FLOAT32 => doubles(slice::<f32>(first.cast(), count, "clear")?),
-            TRZ_NUMBERS_FLOAT64 => doubles(slice::<f64>(first.cast(), count, "clear")?),
-            TRZ_NUMBERS_INT32 => doubles(slice::<i32>(first.cast(), count, "clear")?),
-            other => return refuse("clear_type", other, "is not known"),
-        }
-    };
+        numbers(
+            from.clear_type,
+            from.clear,
+            from.clear_count as usize,
+            "clear",
+        )
+    }?;
     let layout = Layout {
         width: from.width,
         height: from.height,
@@ -113,7 +114,7 @@ pub(crate) unsafe fn buffer(from: &trz_buffer) -> Result<(Layout, usize), Fault>
         component: pick(&components, from.component, "component")?,
         bottom_up: flag(from.bottom_up, "bottom_up")?,
         origin: from.origin,
-        clear,
+        clear: clear.to_f64(),
     };
     match layout.bytes().filter(|&bytes| bytes <= from.bytes) {
         Some(bytes) => Ok((layout, bytes)),
@@ -122,8 +123,4 @@ pub(crate) unsafe fn buffer(from: &trz_buffer) -> Result<(Layout, usize), Fault>
             format!("{} bytes do not hold all pixels", from.bytes),
         )),
     }
-}
-
-fn doubles<T: Copy + Into<f64>>(values: &[T]) -> Vec<f64> {
-    values.iter().map(|&value| value.into()).collect()
 }

@@ -435,6 +435,8 @@ pub fn view(settings: &trz_settings, aovs: &[*const c_char]) -> trz_view {
         aovs: aovs.as_ptr(),
         frame: 7.0,
         settings_path: null(),
+        resolution: [0; 2],
+        data_window: [0.0; 4],
     }
 }
 

@@ -244,6 +244,7 @@ fn products_are_written_and_those_that_cannot_be_are_told() {
         },
         trz_product {
             resolution: [0, 8],
+            data_window: [0.5, 0.0, 0.5, 1.0],
             ..of(c"/empty", 7)
         },
         trz_product {
@@ -257,6 +258,8 @@ fn products_are_written_and_those_that_cannot_be_are_told() {
     let view = trz_view {
         camera,
         settings_path: c"/set".as_ptr(),
+        resolution: [3, 2],
+        data_window: [0.0, 0.0, 1.0, 0.5],
         ..view(&settings, &COLOR)
     };
     for _ in 0..2 {
@@ -278,7 +281,16 @@ fn products_are_written_and_those_that_cannot_be_are_told() {
             "/deep",
             "productType deep is not supported, only raster; it is not written",
         ),
-        ("/empty", "its resolution is 0 x 8; it is not written"),
+        (
+            "/empty",
+            "dataWindowNDC is (0.5, 0, 0.5, 1), which cannot be: the data window must have xmin < xmax and \
+             ymin < ymax; the render settings' is used",
+        ),
+        (
+            "/empty",
+            "resolution is (0, 8), which cannot be: the image width must be from 1 to 65536 pixels; the \
+             render settings' is used",
+        ),
         ("/folder", "folder.exr cannot be written: "),
         (
             "/jpg",
@@ -311,7 +323,8 @@ fn products_are_written_and_those_that_cannot_be_are_told() {
         );
     }
     assert!(folder.0.join("b.png").is_file());
-    assert_eq!(std::fs::read_dir(&folder.0).unwrap().count(), 3);
+    assert!(folder.0.join("f.exr").is_file());
+    assert_eq!(std::fs::read_dir(&folder.0).unwrap().count(), 4);
 }
 
 /// Texts, without what is said of products that name no vars.
@@ -456,6 +469,27 @@ fn a_buffer_shows_what_is_new() {
     to.render = 0;
     ok(show(&session, &mut to));
     assert_ne!(data, [9; 32]);
+    // Clear values of any type of numbers.
+    let (half, whole) = ([0x3800u16], [1u64]);
+    for (clear, clear_type, byte) in [
+        (
+            half.as_ptr().cast::<std::ffi::c_void>(),
+            TRZ_NUMBERS_FLOAT16,
+            128,
+        ),
+        (whole.as_ptr().cast(), TRZ_NUMBERS_UINT64, 255),
+    ] {
+        let mut data = [9; 32];
+        let mut to = trz_buffer {
+            clear,
+            clear_type,
+            clear_count: 1,
+            origin: [1000, 0],
+            ..buffer(&mut data)
+        };
+        ok(show(&session, &mut to));
+        assert_eq!(data, [byte; 32]);
+    }
     for wrong in [
         trz_buffer {
             components: 5,
