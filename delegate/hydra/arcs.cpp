@@ -1,7 +1,9 @@
 #include "arcs.h"
 
+#include "hdtrapeze.h"
+#include "schema.h"
+
 #include "pxr/imaging/hd/renderIndex.h"
-#include "pxr/imaging/hd/sceneIndex.h"
 #include "pxr/imaging/hd/tokens.h"
 #include "pxr/imaging/hd/xformSchema.h"
 
@@ -13,8 +15,7 @@ PXR_NAMESPACE_OPEN_SCOPE
 namespace {
 
 HdMatrixDataSourceHandle _Find(HdSceneDelegate* delegate, SdfPath const& id) {
-    HdSceneIndexBaseRefPtr const scene = delegate->GetRenderIndex().GetTerminalSceneIndex();
-    HdContainerDataSourceHandle const prim = scene ? scene->GetPrim(id).dataSource : nullptr;
+    HdContainerDataSourceHandle const prim = HdTrapezeFindSource(delegate->GetRenderIndex(), id);
     if (!prim || prim->Get(HdSceneIndexEmulationTokens->sceneDelegate)) {
         return nullptr;
     }

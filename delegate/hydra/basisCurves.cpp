@@ -1,7 +1,5 @@
 #include "basisCurves.h"
 
-#include "words.h"
-
 #include "pxr/imaging/hd/basisCurvesTopology.h"
 #include "pxr/imaging/hd/tokens.h"
 
@@ -13,7 +11,7 @@ uint32_t HdTrapezeCurveForm(HdSceneDelegate* delegate, SdfPath const& id,
     VtValue const value = delegate->Get(id, primvar);
     TfToken const word = value.IsHolding<std::string>() ? TfToken(value.UncheckedGet<std::string>())
                                                         : value.GetWithDefault<TfToken>();
-    return HdTrapezeWord(primvar.GetText(), word, id, param);
+    return param.Word(primvar.GetText(), word, id);
 }
 
 // The bounds and axes that stand for a model have indices; authored curves have none.
@@ -51,8 +49,8 @@ void HdTrapezeBasisCurves::_SyncShape(HdTrapezePrim const& prim, HdSceneDelegate
     desc.struct_size = sizeof(desc);
     desc.basis = topology.GetCurveType() == HdTokens->linear
                      ? TRZ_BASIS_LINEAR
-                     : HdTrapezeWord("basis", topology.GetCurveBasis(), id, param);
-    desc.wrap = HdTrapezeWord("wrap", wrap, id, param);
+                     : param.Word("basis", topology.GetCurveBasis(), id);
+    desc.wrap = param.Word("wrap", wrap, id);
     desc.form = HdTrapezeCurveForm(delegate, id, param);
     desc.vertex_counts = counts.cdata();
     desc.curve_count = counts.size();

@@ -58,34 +58,38 @@ struct _Track : HdTrapezeSamples<double> {
 // The lens at every instant at which one of its numbers has a sample; none where it stays as it is.
 std::vector<trz_lens_sample> _LensSamples(HdSceneDelegate* delegate, SdfPath const& id,
                                           trz_camera const& camera, GfInterval const& shutter) {
-    auto const track = [&](TfToken const& name, double now) {
-        return _Track(delegate, id, name, now, shutter);
+    struct _Number {
+        TfToken const& name;
+        double trz_camera::* now;
+        double trz_lens_sample::* at;
     };
-    _Track const tracks[] = {
-        track(HdCameraTokens->horizontalAperture, camera.horizontal_aperture),
-        track(HdCameraTokens->verticalAperture, camera.vertical_aperture),
-        track(HdCameraTokens->horizontalApertureOffset, camera.horizontal_aperture_offset),
-        track(HdCameraTokens->verticalApertureOffset, camera.vertical_aperture_offset),
-        track(HdCameraTokens->focalLength, camera.focal_length),
-        track(HdCameraTokens->focusDistance, camera.focus_distance),
-        track(HdCameraTokens->fStop, camera.f_stop),
+    auto const& t = *HdCameraTokens;
+    _Number const numbers[] = {
+        {t.horizontalAperture, &trz_camera::horizontal_aperture,
+         &trz_lens_sample::horizontal_aperture},
+        {t.verticalAperture, &trz_camera::vertical_aperture, &trz_lens_sample::vertical_aperture},
+        {t.horizontalApertureOffset, &trz_camera::horizontal_aperture_offset,
+         &trz_lens_sample::horizontal_aperture_offset},
+        {t.verticalApertureOffset, &trz_camera::vertical_aperture_offset,
+         &trz_lens_sample::vertical_aperture_offset},
+        {t.focalLength, &trz_camera::focal_length, &trz_lens_sample::focal_length},
+        {t.focusDistance, &trz_camera::focus_distance, &trz_lens_sample::focus_distance},
+        {t.fStop, &trz_camera::f_stop, &trz_lens_sample::f_stop},
     };
+    std::vector<_Track> tracks;
     std::set<double> times;
-    for (_Track const& one : tracks) {
-        times.insert(one.times.begin(), one.times.end());
+    for (_Number const& number : numbers) {
+        tracks.emplace_back(delegate, id, number.name, camera.*number.now, shutter);
+        times.insert(tracks.back().times.begin(), tracks.back().times.end());
     }
     std::vector<trz_lens_sample> samples;
     for (double time : times) {
         trz_lens_sample sample = {};
         sample.time = time;
-        sample.horizontal_aperture = tracks[0].At(time, camera.horizontal_aperture);
-        sample.vertical_aperture = tracks[1].At(time, camera.vertical_aperture);
-        sample.horizontal_aperture_offset = tracks[2].At(time, camera.horizontal_aperture_offset);
-        sample.vertical_aperture_offset = tracks[3].At(time, camera.vertical_aperture_offset);
-        sample.focal_length = tracks[4].At(time, camera.focal_length);
-        sample.focus_distance = tracks[5].At(time, camera.focus_distance);
-        sample.f_stop = tracks[6].At(time, camera.f_stop);
         sample.exposure_scale = camera.exposure_scale;
+        for (size_t i = 0; i < tracks.size(); ++i) {
+            sample.*numbers[i].at = tracks[i].At(time, camera.*numbers[i].now);
+        }
         samples.push_back(sample);
     }
     return samples;
@@ -119,9 +123,7 @@ void HdTrapezeCamera::Sync(HdSceneDelegate* delegate, HdRenderParam* renderParam
     }
     if (created || (bits & (DirtyTransform | DirtyParams))) {
         _sampled = param.Shutter();
-        auto const samples = HdTrapezeSampleTransform(delegate, id, param.Shutter());
-        trz_transform_samples const level = samples.Level();
-        param.Edit(trz_prim_set_transform(param.Session(), _id, &level, samples.LevelCount()), id);
+        param.SetTransform(_id, HdTrapezeSampleTransform(delegate, id, param.Shutter()), id);
     }
     if (created || (bits & (DirtyParams | DirtyClipPlanes))) {
         trz_camera desc = {};

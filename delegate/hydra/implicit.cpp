@@ -1,7 +1,6 @@
 #include "implicit.h"
 
 #include "schema.h"
-#include "words.h"
 
 #include <set>
 
@@ -96,7 +95,7 @@ void HdTrapezeImplicit::_SyncShape(HdTrapezePrim const& prim, HdSceneDelegate* d
     trz_implicit desc = {};
     desc.struct_size = sizeof(desc);
     desc.kind = kind.kind;
-    desc.axis = HdTrapezeWord("axis", schema.Get(TfToken("axis"), TfToken()), id, param);
+    desc.axis = param.Word("axis", schema.Get(TfToken("axis"), TfToken()), id);
     desc.orientation = TRZ_ORIENTATION_RIGHT_HANDED; // Hydra's schemas have no other
     desc.times = sorted.data();
     desc.sizes = sizes.data();

@@ -120,13 +120,13 @@ void HdTrapezeInstancer::Sync(HdSceneDelegate* delegate, HdRenderParam* renderPa
             !param.Edit(trz_instancer_create(param.Session(), id.GetText(), &_id), id)) {
             return;
         }
-        param.AddInstancer(id, this);
+        param.instancers.Add(id, this);
     }
     SdfPath const before = GetParentId();
     _UpdateInstancer(delegate, dirtyBits);
     SdfPath const& parent = GetParentId();
     if (before != parent) {
-        if (HdTrapezeInstancer* instancer = param.FindInstancer(before)) {
+        if (HdTrapezeInstancer* instancer = param.instancers.Find(before)) {
             instancer->RemovePart(id);
         }
         param.Edit(trz_prim_set_instancer(param.Session(), _id, 0, 0), id);
@@ -142,9 +142,7 @@ void HdTrapezeInstancer::Sync(HdSceneDelegate* delegate, HdRenderParam* renderPa
     }
     GfInterval const shutter = param.Shutter();
     if (created || HdChangeTracker::IsTransformDirty(bits, id)) {
-        auto const samples = HdTrapezeSampleInstancerTransform(delegate, id, shutter);
-        trz_transform_samples const level = samples.Level();
-        param.Edit(trz_prim_set_transform(param.Session(), _id, &level, samples.LevelCount()), id);
+        param.SetTransform(_id, HdTrapezeSampleInstancerTransform(delegate, id, shutter), id);
     }
     if (created || (bits & HdChangeTracker::DirtyPrimvar)) {
         HdTrapezeMotion const motion(id, delegate);
@@ -181,8 +179,8 @@ void HdTrapezeInstancer::Sync(HdSceneDelegate* delegate, HdRenderParam* renderPa
 void HdTrapezeInstancer::Finalize(HdRenderParam* renderParam) {
     auto& param = *static_cast<HdTrapezeRenderParam*>(renderParam);
     SdfPath const& id = GetId();
-    param.RemoveInstancer(id);
-    if (HdTrapezeInstancer* parent = param.FindInstancer(GetParentId())) {
+    param.instancers.Remove(id);
+    if (HdTrapezeInstancer* parent = param.instancers.Find(GetParentId())) {
         parent->RemovePart(id);
     }
     if (_id != 0) {

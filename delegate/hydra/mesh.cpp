@@ -1,7 +1,6 @@
 #include "mesh.h"
 
-#include "words.h"
-
+#include "numbers.h"
 #include "pxr/imaging/hd/meshTopology.h"
 
 PXR_NAMESPACE_OPEN_SCOPE
@@ -10,16 +9,8 @@ namespace {
 
 void _SetTopology(trz_id prim, SdfPath const& id, HdMeshTopology const& topology,
                   PxOsdSubdivTags const& tags, HdTrapezeRenderParam& param) {
-    VtIntArray const& counts = topology.GetFaceVertexCounts();
-    VtIntArray const& indices = topology.GetFaceVertexIndices();
-    VtIntArray const& holes = topology.GetHoleIndices();
-    VtIntArray const& creases = tags.GetCreaseIndices();
-    VtIntArray const& lengths = tags.GetCreaseLengths();
-    VtFloatArray const& sharpnesses = tags.GetCreaseWeights();
-    VtIntArray const& corners = tags.GetCornerIndices();
-    VtFloatArray const& cornerSharpnesses = tags.GetCornerWeights();
     auto const word = [&](char const* attribute, TfToken const& word) {
-        return HdTrapezeWord(attribute, word, id, param);
+        return param.Word(attribute, word, id);
     };
     trz_topology desc = {};
     desc.struct_size = sizeof(desc);
@@ -29,22 +20,14 @@ void _SetTopology(trz_id prim, SdfPath const& id, HdMeshTopology const& topology
         word("faceVaryingLinearInterpolation", tags.GetFaceVaryingInterpolationRule());
     desc.triangles = word("triangleSubdivisionRule", tags.GetTriangleSubdivision());
     desc.orientation = word("orientation", topology.GetOrientation());
-    desc.face_vertex_counts = counts.cdata();
-    desc.face_count = counts.size();
-    desc.face_vertex_indices = indices.cdata();
-    desc.index_count = indices.size();
-    desc.holes = holes.cdata();
-    desc.hole_count = holes.size();
-    desc.crease_indices = creases.cdata();
-    desc.crease_index_count = creases.size();
-    desc.crease_lengths = lengths.cdata();
-    desc.crease_count = lengths.size();
-    desc.crease_sharpnesses = sharpnesses.cdata();
-    desc.crease_sharpness_count = sharpnesses.size();
-    desc.corner_indices = corners.cdata();
-    desc.corner_count = corners.size();
-    desc.corner_sharpnesses = cornerSharpnesses.cdata();
-    desc.corner_sharpness_count = cornerSharpnesses.size();
+    HdTrapezeView(topology.GetFaceVertexCounts(), &desc.face_vertex_counts, &desc.face_count);
+    HdTrapezeView(topology.GetFaceVertexIndices(), &desc.face_vertex_indices, &desc.index_count);
+    HdTrapezeView(topology.GetHoleIndices(), &desc.holes, &desc.hole_count);
+    HdTrapezeView(tags.GetCreaseIndices(), &desc.crease_indices, &desc.crease_index_count);
+    HdTrapezeView(tags.GetCreaseLengths(), &desc.crease_lengths, &desc.crease_count);
+    HdTrapezeView(tags.GetCreaseWeights(), &desc.crease_sharpnesses, &desc.crease_sharpness_count);
+    HdTrapezeView(tags.GetCornerIndices(), &desc.corner_indices, &desc.corner_count);
+    HdTrapezeView(tags.GetCornerWeights(), &desc.corner_sharpnesses, &desc.corner_sharpness_count);
     param.Edit(trz_mesh_set_topology(param.Session(), prim, &desc), id);
 }
 

@@ -31,6 +31,12 @@ struct HdTrapezeNumbers {
     static bool View(VtValue const& value, HdTrapezeNumbers* out);
 };
 
+/// An array as the C ABI takes it. Points into it.
+template <class T> void HdTrapezeView(VtArray<T> const& array, T const** first, size_t* count) {
+    *first = array.cdata();
+    *count = array.size();
+}
+
 /// Arrays of floats at several times, as the C ABI takes them. Points into the values, which must
 /// outlive it, where they are floats.
 class HdTrapezeFloatSamples final {

@@ -1,6 +1,7 @@
 #include "nurbsCurves.h"
 
 #include "basisCurves.h"
+#include "numbers.h"
 #include "schema.h"
 
 #include "pxr/base/gf/vec2d.h"
@@ -30,12 +31,10 @@ void HdTrapezeNurbsCurves::_SyncShape(HdTrapezePrim const& prim, HdSceneDelegate
     desc.vertex_counts = counts.cdata();
     desc.orders = orders.cdata();
     desc.curve_count = counts.size();
-    desc.knots = knots.cdata();
-    desc.knot_count = knots.size();
+    HdTrapezeView(knots, &desc.knots, &desc.knot_count);
     desc.ranges = ranges.empty() ? nullptr : ranges.cdata()->data();
     desc.range_count = ranges.size();
-    desc.weights = weights.cdata();
-    desc.weight_count = weights.size();
+    HdTrapezeView(weights, &desc.weights, &desc.weight_count);
     param.Edit(trz_nurbs_curves_set(param.Session(), prim.Id(), &desc), id);
 }
 

@@ -1,7 +1,7 @@
 #include "nurbsPatch.h"
 
+#include "numbers.h"
 #include "schema.h"
-#include "words.h"
 
 #include "pxr/base/gf/vec2d.h"
 #include "pxr/imaging/hd/nurbsPatchSchema.h"
@@ -29,20 +29,16 @@ void HdTrapezeNurbsPatch::_SyncShape(HdTrapezePrim const& prim, HdSceneDelegate*
         delegate->Get(id, TfToken("pointWeights")).GetWithDefault<VtDoubleArray>();
     trz_nurbs_patch desc = {};
     desc.struct_size = sizeof(desc);
-    desc.orientation =
-        HdTrapezeWord("orientation", schema.Get(t.orientation, TfToken()), id, param);
+    desc.orientation = param.Word("orientation", schema.Get(t.orientation, TfToken()), id);
     desc.u_order = schema.Get(t.uOrder, 0);
     desc.v_order = schema.Get(t.vOrder, 0);
     desc.u_vertex_count = schema.Get(t.uVertexCount, 0);
     desc.v_vertex_count = schema.Get(t.vVertexCount, 0);
-    desc.u_knots = uKnots.cdata();
-    desc.u_knot_count = uKnots.size();
-    desc.v_knots = vKnots.cdata();
-    desc.v_knot_count = vKnots.size();
+    HdTrapezeView(uKnots, &desc.u_knots, &desc.u_knot_count);
+    HdTrapezeView(vKnots, &desc.v_knots, &desc.v_knot_count);
     std::copy(uRange.data(), uRange.data() + 2, desc.u_range);
     std::copy(vRange.data(), vRange.data() + 2, desc.v_range);
-    desc.weights = weights.cdata();
-    desc.weight_count = weights.size();
+    HdTrapezeView(weights, &desc.weights, &desc.weight_count);
     param.Edit(trz_nurbs_patch_set(param.Session(), prim.Id(), &desc), id);
     bool const sides = schema.Get(t.doubleSided, false);
     param.Edit(trz_prim_set_double_sided(param.Session(), prim.Id(), sides), id);

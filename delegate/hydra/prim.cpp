@@ -56,7 +56,8 @@ bool HdTrapezePrim::Sync(HdRprim const& rprim, HdSceneDelegate* delegate,
             !param.Edit(_create(param.Session(), id.GetText(), &_id), id)) {
             return false;
         }
-        param.AddPrim(id, this);
+        param.prims.Add(id, this);
+        param.MarkVisibilityDirty();
         SetRenderTag(rprim.GetRenderTag());
     }
     if (created || (bits & HdChangeTracker::DirtyPrimID)) {
@@ -102,8 +103,8 @@ void HdTrapezePrim::Finalize(HdRprim const& rprim, HdTrapezeRenderParam& param) 
         return;
     }
     SdfPath const& id = rprim.GetId();
-    param.RemovePrim(id);
-    if (HdTrapezeInstancer* instancer = param.FindInstancer(_instancer)) {
+    param.prims.Remove(id);
+    if (HdTrapezeInstancer* instancer = param.instancers.Find(_instancer)) {
         instancer->RemovePart(id);
     }
     param.Edit(trz_prim_remove(param.Session(), _id), id);
@@ -128,8 +129,7 @@ void HdTrapezePrim::_SyncTransform(SdfPath const& id, HdSceneDelegate* delegate,
                        "its motion:blurScale is above 1, but this host samples transforms for its "
                        "camera's shutter alone: outside of it they stand still");
     }
-    trz_transform_samples const level = samples.Level();
-    param.Edit(trz_prim_set_transform(param.Session(), _id, &level, samples.LevelCount()), id);
+    param.SetTransform(_id, samples, id);
 }
 
 void HdTrapezePrim::_SyncPoints(SdfPath const& id, HdSceneDelegate* delegate,
@@ -171,7 +171,7 @@ void HdTrapezePrim::_SyncInstancer(HdRprim const& rprim, HdSceneDelegate* delega
     SdfPath const& id = rprim.GetId();
     SdfPath const& now = rprim.GetInstancerId();
     if (_instancer != now) {
-        if (HdTrapezeInstancer* before = param.FindInstancer(_instancer)) {
+        if (HdTrapezeInstancer* before = param.instancers.Find(_instancer)) {
             before->RemovePart(id);
         }
         if (now.IsEmpty()) {
@@ -179,7 +179,7 @@ void HdTrapezePrim::_SyncInstancer(HdRprim const& rprim, HdSceneDelegate* delega
         }
         _instancer = now;
     }
-    HdTrapezeInstancer* const instancer = param.FindInstancer(now);
+    HdTrapezeInstancer* const instancer = param.instancers.Find(now);
     if (instancer) {
         instancer->SetPart(id, _id, delegate->GetInstanceIndices(now, id));
     }

@@ -39,6 +39,34 @@ bool _Has(TfTokenVector const& types, TfToken const& type) {
     return std::find(types.begin(), types.end(), type) != types.end();
 }
 
+HdAovDescriptor _Describe(HdFormat format, VtValue const& clear) { return {format, false, clear}; }
+
+HdAovDescriptor _Vector() { return _Describe(HdFormatFloat32Vec3, VtValue(GfVec3f(0.0f))); }
+
+// AOVs besides primvars, and the buffers that hosts make for them.
+std::map<TfToken, HdAovDescriptor> const& _Aovs() {
+    static auto const aovs = [] {
+        auto const id = _Describe(HdFormatInt32, VtValue(-1));
+        auto const pair = _Describe(HdFormatFloat32Vec2, VtValue(GfVec2f(0.0f)));
+        return std::map<TfToken, HdAovDescriptor>{
+            {TfToken("color"), _Describe(HdFormatFloat16Vec4, VtValue(GfVec4f(0.0f)))},
+            {TfToken("depth"), _Describe(HdFormatFloat32, VtValue(1.0f))},
+            {TfToken("cameraDepth"), _Describe(HdFormatFloat32, VtValue(0.0f))},
+            {TfToken("P"), _Vector()},
+            {TfToken("normal"), _Vector()},
+            {TfToken("Neye"), _Vector()},
+            {TfToken("primId"), id},
+            {TfToken("instanceId"), id},
+            {TfToken("elementId"), id},
+            {TfToken("subsetId"), id},
+            {TfToken("motionVectors"), pair},
+            {TfToken("sampleCount"), _Describe(HdFormatInt32, VtValue(0))},
+            {TfToken("cost"), pair},
+        };
+    }();
+    return aovs;
+}
+
 } // namespace
 
 HdTrapezeRenderDelegate::HdTrapezeRenderDelegate(HdRenderSettingsMap const& settings)
@@ -263,37 +291,12 @@ TfToken HdTrapezeRenderDelegate::GetMaterialBindingPurpose() const { return HdTo
 TfTokenVector HdTrapezeRenderDelegate::GetMaterialRenderContexts() const { return {TfToken()}; }
 
 bool HdTrapezeRenderDelegate::IsAov(TfToken const& name) {
-    static std::set<std::string> const names = {
-        "color",         "depth",       "cameraDepth", "P",         "normal",
-        "Neye",          "primId",      "instanceId",  "elementId", "subsetId",
-        "motionVectors", "sampleCount", "cost"};
-    return names.count(name.GetString()) || HdParsedAovToken(name).isPrimvar;
+    return _Aovs().count(name) || HdParsedAovToken(name).isPrimvar;
 }
 
 HdAovDescriptor HdTrapezeRenderDelegate::GetDefaultAovDescriptor(TfToken const& name) const {
-    if (!IsAov(name)) {
-        return HdAovDescriptor();
-    }
-    std::string const& aov = name.GetString();
-    if (aov == "color") {
-        return {HdFormatFloat16Vec4, false, VtValue(GfVec4f(0.0f))};
-    }
-    if (aov == "depth") {
-        return {HdFormatFloat32, false, VtValue(1.0f)};
-    }
-    if (aov == "primId" || aov == "instanceId" || aov == "elementId" || aov == "subsetId") {
-        return {HdFormatInt32, false, VtValue(-1)};
-    }
-    if (aov == "sampleCount") {
-        return {HdFormatInt32, false, VtValue(0)};
-    }
-    if (aov == "cameraDepth") {
-        return {HdFormatFloat32, false, VtValue(0.0f)};
-    }
-    if (aov == "motionVectors" || aov == "cost") {
-        return {HdFormatFloat32Vec2, false, VtValue(GfVec2f(0.0f))};
-    }
-    return {HdFormatFloat32Vec3, false, VtValue(GfVec3f(0.0f))};
+    auto const found = _Aovs().find(name);
+    return found != _Aovs().end() ? found->second : IsAov(name) ? _Vector() : HdAovDescriptor();
 }
 
 PXR_NAMESPACE_CLOSE_SCOPE

@@ -1,6 +1,7 @@
 #include "renderParam.h"
 
 #include "instancer.h"
+#include "schema.h"
 
 #include "pxr/base/tf/diagnostic.h"
 #include "pxr/base/tf/stringUtils.h"
@@ -10,8 +11,6 @@
 #include "pxr/imaging/hd/primvarsSchema.h"
 #include "pxr/imaging/hd/renderIndex.h"
 #include "pxr/imaging/hd/sceneDelegate.h"
-#include "pxr/imaging/hd/sceneIndex.h"
-#include "pxr/imaging/hd/sceneIndexObserver.h"
 #include "pxr/imaging/hd/tokens.h"
 #include "pxr/imaging/hd/xformSchema.h"
 
@@ -57,6 +56,23 @@ bool HdTrapezeRenderParam::Edit(trz_result result, SdfPath const& id) {
         Warn(id, std::string(trz_last_error()) + " (" + trz_result_name(result) + ")");
     }
     return result == TRZ_OK;
+}
+
+void HdTrapezeRenderParam::SetTransform(trz_id prim, HdTrapezeTransform const& samples,
+                                        SdfPath const& id) {
+    auto const& [times, values] = static_cast<HdTrapezeSamples<GfMatrix4d> const&>(samples);
+    trz_transform_samples const level = {times.data(),
+                                         values.empty() ? nullptr : values.front().GetArray(),
+                                         values.size(), samples.turns};
+    Edit(trz_prim_set_transform(_session, prim, &level, values.empty() ? 0 : 1), id);
+}
+
+uint32_t HdTrapezeRenderParam::Word(char const* attribute, TfToken const& word, SdfPath const& id) {
+    uint32_t constant = 0;
+    if (trz_word(attribute, word.GetText(), &constant) == TRZ_ERROR_NOT_FOUND) {
+        WarnOnce(id, "unknown word " + word.GetString() + "; USD's fallback is used");
+    }
+    return constant;
 }
 
 void HdTrapezeRenderParam::Warn(SdfPath const& id, std::string const& text) const {
@@ -115,21 +131,29 @@ bool HdTrapezeRenderParam::SampleShutter(HdRenderIndex& index) {
     return MarkMotionDirty(index, Source::SceneIndices);
 }
 
-namespace {
-
-// Whether a prim is of a scene delegate, and not of a scene index.
-bool _IsOfDelegate(HdSceneIndexBaseRefPtr const& scene, SdfPath const& id) {
-    HdContainerDataSourceHandle const source =
-        scene ? scene->GetPrim(id).dataSource : HdContainerDataSourceHandle();
+bool HdTrapezeRenderParam::IsOfDelegate(HdRenderIndex const& index, SdfPath const& id) {
+    HdContainerDataSourceHandle const source = HdTrapezeFindSource(index, id);
     return !source || source->Get(HdSceneIndexEmulationTokens->sceneDelegate);
 }
 
-} // namespace
+bool HdTrapezeRenderParam::HasDelegates(HdRenderIndex const& index) const {
+    auto const all = prims.All();
+    return !all.empty() && IsOfDelegate(index, all.begin()->first);
+}
 
 // Change trackers take marks for prims of scene delegates only. For those of scene indices it is
 // their observer that is told, which hands them on to the render index.
+void HdTrapezeRenderParam::_TellObserver(
+    HdRenderIndex& index, HdSceneIndexObserver::DirtiedPrimEntries const& entries) const {
+    auto const all = prims.All();
+    HdSceneDelegate* const delegate =
+        all.empty() ? nullptr : index.GetSceneDelegateForRprim(all.begin()->first);
+    if (auto* const observer = dynamic_cast<HdSceneIndexObserver*>(delegate)) {
+        observer->PrimsDirtied(*index.GetTerminalSceneIndex(), entries);
+    }
+}
+
 bool HdTrapezeRenderParam::_MarkDirty(HdRenderIndex& index, HdDirtyBits bits, Source source) const {
-    HdSceneIndexBaseRefPtr const scene = index.GetTerminalSceneIndex();
     HdChangeTracker& tracker = index.GetChangeTracker();
     HdDataSourceLocatorSet const locators = {
         HdXformSchema::GetDefaultLocator(),
@@ -138,56 +162,35 @@ bool HdTrapezeRenderParam::_MarkDirty(HdRenderIndex& index, HdDirtyBits bits, So
     };
     HdSceneIndexObserver::DirtiedPrimEntries entries;
     bool any = false;
-    auto const mark = [&](SdfPath const& id, auto&& markOfDelegate) {
-        bool const isOfDelegate = _IsOfDelegate(scene, id);
-        if (source == (isOfDelegate ? Source::SceneIndices : Source::Delegates)) {
-            return;
-        }
-        any = true;
-        if (isOfDelegate) {
-            markOfDelegate();
-        } else {
-            entries.emplace_back(id, locators);
+    auto const mark = [&](auto const& all, auto markOfDelegate) {
+        for (auto const& [id, one] : all) {
+            bool const isOfDelegate = IsOfDelegate(index, id);
+            if (source == (isOfDelegate ? Source::SceneIndices : Source::Delegates)) {
+                continue;
+            }
+            any = true;
+            if (isOfDelegate) {
+                (tracker.*markOfDelegate)(id, bits);
+            } else {
+                entries.emplace_back(id, locators);
+            }
         }
     };
-    std::lock_guard<std::mutex> lock(_mutex);
-    for (auto const& [id, prim] : _prims) {
-        mark(id, [&, id = id] { tracker.MarkRprimDirty(id, bits); });
-    }
-    for (auto const& [id, instancer] : _instancers) {
-        mark(id, [&, id = id] { tracker.MarkInstancerDirty(id, bits); });
-    }
+    mark(prims.All(), &HdChangeTracker::MarkRprimDirty);
+    mark(instancers.All(), &HdChangeTracker::MarkInstancerDirty);
     if (!entries.empty()) {
-        HdSceneDelegate* const delegate = index.GetSceneDelegateForRprim(entries.front().primPath);
-        if (auto* const observer = dynamic_cast<HdSceneIndexObserver*>(delegate)) {
-            observer->PrimsDirtied(*scene, entries);
-        }
+        _TellObserver(index, entries);
     }
     return any;
 }
 
-bool HdTrapezeRenderParam::IsOfDelegate(HdRenderIndex const& index, SdfPath const& id) {
-    return _IsOfDelegate(index.GetTerminalSceneIndex(), id);
-}
-
-bool HdTrapezeRenderParam::HasDelegates(HdRenderIndex const& index) const {
-    std::lock_guard<std::mutex> lock(_mutex);
-    return !_prims.empty() && _IsOfDelegate(index.GetTerminalSceneIndex(), _prims.begin()->first);
-}
-
 void HdTrapezeRenderParam::MarkCameraDirty(HdRenderIndex& index, SdfPath const& id) const {
-    HdSceneIndexBaseRefPtr const scene = index.GetTerminalSceneIndex();
-    if (_IsOfDelegate(scene, id)) {
+    if (IsOfDelegate(index, id)) {
         index.GetChangeTracker().MarkSprimDirty(id,
                                                 HdCamera::DirtyTransform | HdCamera::DirtyParams);
-        return;
-    }
-    std::lock_guard<std::mutex> lock(_mutex);
-    HdSceneDelegate* const delegate =
-        _prims.empty() ? nullptr : index.GetSceneDelegateForRprim(_prims.begin()->first);
-    if (auto* const observer = dynamic_cast<HdSceneIndexObserver*>(delegate)) {
-        observer->PrimsDirtied(
-            *scene,
+    } else {
+        _TellObserver(
+            index,
             {{id, {HdXformSchema::GetDefaultLocator(), HdCameraSchema::GetDefaultLocator()}}});
     }
 }
@@ -233,33 +236,6 @@ std::set<TfToken> HdTrapezeRenderParam::WantedPrimvars() const {
     return _wanted;
 }
 
-void HdTrapezeRenderParam::AddPrim(SdfPath const& id, HdTrapezePrim* prim) {
-    std::lock_guard<std::mutex> lock(_mutex);
-    _prims[id] = prim;
-    ++_visibilityVersion;
-}
-
-void HdTrapezeRenderParam::RemovePrim(SdfPath const& id) {
-    std::lock_guard<std::mutex> lock(_mutex);
-    _prims.erase(id);
-}
-
-void HdTrapezeRenderParam::AddInstancer(SdfPath const& id, HdTrapezeInstancer* instancer) {
-    std::lock_guard<std::mutex> lock(_mutex);
-    _instancers[id] = instancer;
-}
-
-void HdTrapezeRenderParam::RemoveInstancer(SdfPath const& id) {
-    std::lock_guard<std::mutex> lock(_mutex);
-    _instancers.erase(id);
-}
-
-HdTrapezeInstancer* HdTrapezeRenderParam::FindInstancer(SdfPath const& id) const {
-    std::lock_guard<std::mutex> lock(_mutex);
-    auto const found = _instancers.find(id);
-    return found == _instancers.end() ? nullptr : found->second;
-}
-
 void HdTrapezeRenderParam::SetIncludedBy(void const* pass, Included const& included) {
     bool differ = false;
     {
@@ -280,31 +256,8 @@ void HdTrapezeRenderParam::RemovePass(void const* pass) {
     _included.erase(pass);
 }
 
-void HdTrapezeRenderParam::AddRenderSettings(SdfPath const& id, HdTrapezeRenderSettings* settings) {
-    std::lock_guard<std::mutex> lock(_mutex);
-    _renderSettings[id] = settings;
-}
-
-void HdTrapezeRenderParam::RemoveRenderSettings(SdfPath const& id) {
-    std::lock_guard<std::mutex> lock(_mutex);
-    _renderSettings.erase(id);
-}
-
-HdTrapezeRenderSettings* HdTrapezeRenderParam::FindRenderSettings(SdfPath const& id) const {
-    std::lock_guard<std::mutex> lock(_mutex);
-    auto const found = _renderSettings.find(id);
-    return found == _renderSettings.end() ? nullptr : found->second;
-}
-
 void HdTrapezeRenderParam::CommitInstancers() {
-    std::vector<HdTrapezeInstancer*> instancers;
-    {
-        std::lock_guard<std::mutex> lock(_mutex);
-        for (auto const& [id, instancer] : _instancers) {
-            instancers.push_back(instancer);
-        }
-    }
-    for (HdTrapezeInstancer* instancer : instancers) {
+    for (auto const& [id, instancer] : instancers.All()) {
         instancer->Commit(*this);
     }
 }

@@ -2,11 +2,13 @@
 #define HDTRAPEZE_RENDER_PARAM_H
 
 #include "hdtrapeze.h"
+#include "registry.h"
 
 #include "pxr/base/gf/interval.h"
 #include "pxr/base/tf/token.h"
 #include "pxr/imaging/hd/changeTracker.h"
 #include "pxr/imaging/hd/renderDelegate.h"
+#include "pxr/imaging/hd/sceneIndexObserver.h"
 #include "pxr/pxr.h"
 #include "pxr/usd/sdf/path.h"
 
@@ -25,6 +27,7 @@ class HdRenderIndex;
 class HdTrapezeInstancer;
 class HdTrapezePrim;
 class HdTrapezeRenderSettings;
+struct HdTrapezeTransform;
 
 /// What the prims of one render delegate share: the renderer's session, the shutter that motion is
 /// sampled for, and who there is. Functions may be called from any thread unless they say
@@ -39,6 +42,13 @@ public:
 
     /// Whether a call was a success; otherwise warns, naming the prim.
     bool Edit(trz_result result, SdfPath const& id);
+
+    /// Sends a transform to the session.
+    void SetTransform(trz_id prim, HdTrapezeTransform const& samples, SdfPath const& id);
+
+    /// The constant that a word stands for as the value of an attribute, USD's fallback where the
+    /// word is empty. What is unknown gives a warning.
+    uint32_t Word(char const* attribute, TfToken const& word, SdfPath const& id);
 
     /// A warning about a prim, or, with an empty path, about none.
     void Warn(SdfPath const& id, std::string const& text) const;
@@ -94,19 +104,9 @@ public:
 
     // Prims --------------------------------------------------------------------------------------
 
-    void AddPrim(SdfPath const& id, HdTrapezePrim* prim);
-    void RemovePrim(SdfPath const& id);
-    void AddInstancer(SdfPath const& id, HdTrapezeInstancer* instancer);
-    void RemoveInstancer(SdfPath const& id);
-    HdTrapezeInstancer* FindInstancer(SdfPath const& id) const;
-
-    /// Calls f(path, prim) for every geometry prim, in the order of paths. Not during Sync.
-    template <class F> void ForEachPrim(F&& f) const {
-        std::lock_guard<std::mutex> lock(_mutex);
-        for (auto const& [id, prim] : _prims) {
-            f(id, *prim);
-        }
-    }
+    HdTrapezeRegistry<HdTrapezePrim> prims;
+    HdTrapezeRegistry<HdTrapezeInstancer> instancers;
+    HdTrapezeRegistry<HdTrapezeRenderSettings> renderSettings;
 
     /// Has the instances of prototypes that were synced placed. Not during Sync.
     void CommitInstancers();
@@ -123,10 +123,6 @@ public:
     void SetIncludedBy(void const* pass, Included const& included);
     void RemovePass(void const* pass);
 
-    void AddRenderSettings(SdfPath const& id, HdTrapezeRenderSettings* settings);
-    void RemoveRenderSettings(SdfPath const& id);
-    HdTrapezeRenderSettings* FindRenderSettings(SdfPath const& id) const;
-
     // Lights -------------------------------------------------------------------------------------
 
     /// Lights that the host has: those of the scene, and the one that it puts at the camera.
@@ -135,6 +131,8 @@ public:
     bool HasLights() const { return _lights > 0; }
 
 private:
+    void _TellObserver(HdRenderIndex& index,
+                       HdSceneIndexObserver::DirtiedPrimEntries const& entries) const;
     bool _MarkDirty(HdRenderIndex& index, HdDirtyBits bits, Source source) const;
 
     trz_session* _session = nullptr;
@@ -150,9 +148,6 @@ private:
     std::set<std::pair<SdfPath, std::string>> _warned;
     std::map<void const*, Included> _included;
     std::set<TfToken> _wanted;
-    std::map<SdfPath, HdTrapezePrim*> _prims;
-    std::map<SdfPath, HdTrapezeInstancer*> _instancers;
-    std::map<SdfPath, HdTrapezeRenderSettings*> _renderSettings;
 };
 
 PXR_NAMESPACE_CLOSE_SCOPE

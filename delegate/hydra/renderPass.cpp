@@ -113,15 +113,16 @@ void HdTrapezeRenderPass::_Include(TfTokenVector const& tags) {
     SdfPathVector const& roots = collection.GetRootPaths();
     SdfPathVector const& excluded = collection.GetExcludePaths();
     param.SetIncludedBy(this, {roots, excluded, tags});
-    param.ForEachPrim([&](SdfPath const& id, HdTrapezePrim& prim) {
+    for (auto const& [path, prim] : param.prims.All()) {
+        SdfPath const& id = path;
         auto const isAbove = [&](SdfPath const& path) { return id.HasPrefix(path); };
         bool const tagged =
-            tags.empty() || std::find(tags.begin(), tags.end(), prim.RenderTag()) != tags.end();
+            tags.empty() || std::find(tags.begin(), tags.end(), prim->RenderTag()) != tags.end();
         bool const collected = std::any_of(roots.begin(), roots.end(), isAbove) &&
                                std::none_of(excluded.begin(), excluded.end(), isAbove);
-        prim.Include(id, tagged && collected, param);
-        _refineLevel = std::max(_refineLevel, prim.RefineLevel());
-    });
+        prim->Include(id, tagged && collected, param);
+        _refineLevel = std::max(_refineLevel, prim->RefineLevel());
+    }
 }
 
 // Before Rprims are: what they sample motion for.
@@ -132,7 +133,7 @@ bool HdTrapezeRenderPass::_SampleMotion() {
     HdRenderIndex& index = *GetRenderIndex();
     HdTrapezeRenderParam& param = _delegate->Param();
     trz_settings settings = HdTrapezeDefaultSettings();
-    if (auto const* const prim = param.FindRenderSettings(HdTrapezeActiveSettings(index))) {
+    if (auto const* const prim = param.renderSettings.Find(HdTrapezeActiveSettings(index))) {
         prim->Apply(&settings);
     }
     _delegate->Settings().Apply(&settings);
@@ -244,7 +245,7 @@ void HdTrapezeRenderPass::_Execute(HdRenderPassStateSharedPtr const& state,
     }
     HdRenderIndex& index = *GetRenderIndex();
     HdTrapezeRenderSettings const* const prim =
-        param.FindRenderSettings(HdTrapezeActiveSettings(index));
+        param.renderSettings.Find(HdTrapezeActiveSettings(index));
     _Include(tags);
     if (prim) {
         prim->CheckPurposes(tags, param);

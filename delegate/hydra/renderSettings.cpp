@@ -1,6 +1,7 @@
 #include "renderSettings.h"
 
 #include "renderParam.h"
+#include "schema.h"
 
 #include "pxr/imaging/hd/renderIndex.h"
 #include "pxr/imaging/hd/sceneDelegate.h"
@@ -25,9 +26,7 @@ TF_DEFINE_PRIVATE_TOKENS(_tokens,
 // An attribute of a RenderSettings or RenderProduct prim, of scene indices.
 template <class T>
 std::optional<T> _Authored(HdRenderIndex const& index, SdfPath const& id, TfToken const& name) {
-    HdSceneIndexBaseRefPtr const scene = index.GetTerminalSceneIndex();
-    HdContainerDataSourceHandle const source =
-        scene ? scene->GetPrim(id).dataSource : HdContainerDataSourceHandle();
+    HdContainerDataSourceHandle const source = HdTrapezeFindSource(index, id);
     for (TfToken const& schema : {_tokens->usdRenderSettings, _tokens->usdRenderProduct}) {
         auto const prim = source ? HdContainerDataSource::Cast(source->Get(schema))
                                  : HdContainerDataSourceHandle();
@@ -44,7 +43,7 @@ std::optional<T> _Authored(HdRenderIndex const& index, SdfPath const& id, TfToke
 void HdTrapezeRenderSettings::_Sync(HdSceneDelegate* delegate, HdRenderParam* renderParam,
                                     HdDirtyBits const*) {
     auto& param = *static_cast<HdTrapezeRenderParam*>(renderParam);
-    param.AddRenderSettings(GetId(), this);
+    param.renderSettings.Add(GetId(), this);
     using Owner = HdTrapezeSettingsLayer::Owner;
     _layer = HdTrapezeReadNamespaced(Owner::Settings, GetNamespacedSettings(), GetId(), param);
     RenderProducts const& products = GetRenderProducts();
@@ -84,7 +83,7 @@ void HdTrapezeRenderSettings::_Sync(HdSceneDelegate* delegate, HdRenderParam* re
 void HdTrapezeRenderSettings::Finalize(HdRenderParam* renderParam) {
     auto& param = *static_cast<HdTrapezeRenderParam*>(renderParam);
     param.SetShutterOf(this, GfInterval());
-    param.RemoveRenderSettings(GetId());
+    param.renderSettings.Remove(GetId());
 }
 
 void HdTrapezeRenderSettings::DisableEffects(trz_settings* settings) const {

@@ -11,11 +11,6 @@
 #include "pxr/imaging/hd/retainedDataSource.h"
 #include "pxr/imaging/hd/sceneIndexInputArgsSchema.h"
 #endif
-#if HD_API_VERSION >= 103
-#include "pxr/imaging/hd/rendererCreateArgsSchema.h"
-#elif HD_API_VERSION >= 83
-#include "pxr/imaging/hd/rendererCreateArgs.h"
-#endif
 
 PXR_NAMESPACE_OPEN_SCOPE
 
@@ -32,35 +27,27 @@ HdTrapezeRendererPlugin::CreateRenderDelegate(HdRenderSettingsMap const& setting
 
 void HdTrapezeRendererPlugin::DeleteRenderDelegate(HdRenderDelegate* delegate) { delete delegate; }
 
-#if HD_API_VERSION < 98
-bool HdTrapezeRendererPlugin::IsSupported(bool) const { return true; }
-#endif
-#if HD_API_VERSION >= 83 && HD_API_VERSION < 103
-bool HdTrapezeRendererPlugin::IsSupported(HdRendererCreateArgs const&, std::string*) const {
-    return true;
+#if HD_API_VERSION >= 90
+namespace {
+
+template <class Schema> HdContainerDataSourceHandle _MotionBlur() {
+    auto const yes = HdRetainedTypedSampledDataSource<bool>::New(true);
+    return typename Schema::Builder()
+        .SetMotionBlurSupport(yes)
+        .SetCameraMotionBlurSupport(yes)
+        .Build();
 }
-#endif
-#if HD_API_VERSION >= 103
-bool HdTrapezeRendererPlugin::IsSupported(HdRendererCreateArgsSchema const&, std::string*) const {
-    return true;
-}
+
+} // namespace
 #endif
 
 #if HD_API_VERSION >= 101
 HdContainerDataSourceHandle HdTrapezeRendererPlugin::GetSceneIndexCreateArgs() const {
-    auto const yes = HdRetainedTypedSampledDataSource<bool>::New(true);
-    return HdSceneIndexCreateArgsSchema::Builder()
-        .SetMotionBlurSupport(yes)
-        .SetCameraMotionBlurSupport(yes)
-        .Build();
+    return _MotionBlur<HdSceneIndexCreateArgsSchema>();
 }
 #elif HD_API_VERSION >= 90
 HdContainerDataSourceHandle HdTrapezeRendererPlugin::GetSceneIndexInputArgs() const {
-    auto const yes = HdRetainedTypedSampledDataSource<bool>::New(true);
-    return HdSceneIndexInputArgsSchema::Builder()
-        .SetMotionBlurSupport(yes)
-        .SetCameraMotionBlurSupport(yes)
-        .Build();
+    return _MotionBlur<HdSceneIndexInputArgsSchema>();
 }
 #endif
 

@@ -4,6 +4,11 @@
 #include "pxr/imaging/hd/rendererPlugin.h"
 #include "pxr/imaging/hd/version.h"
 #include "pxr/pxr.h"
+#if HD_API_VERSION >= 103
+#include "pxr/imaging/hd/rendererCreateArgsSchema.h"
+#elif HD_API_VERSION >= 83
+#include "pxr/imaging/hd/rendererCreateArgs.h"
+#endif
 
 PXR_NAMESPACE_OPEN_SCOPE
 
@@ -15,13 +20,14 @@ public:
     void DeleteRenderDelegate(HdRenderDelegate* delegate) override;
 
 #if HD_API_VERSION < 98
-    bool IsSupported(bool gpuEnabled = true) const override;
-#endif
-#if HD_API_VERSION >= 83 && HD_API_VERSION < 103
-    bool IsSupported(HdRendererCreateArgs const& args, std::string* reason) const override;
+    bool IsSupported(bool = true) const override { return true; }
 #endif
 #if HD_API_VERSION >= 103
-    bool IsSupported(HdRendererCreateArgsSchema const& args, std::string* reason) const override;
+    bool IsSupported(HdRendererCreateArgsSchema const&, std::string*) const override {
+        return true;
+    }
+#elif HD_API_VERSION >= 83
+    bool IsSupported(HdRendererCreateArgs const&, std::string*) const override { return true; }
 #endif
 
 // What scene indices do for motion blur, they are to do for this renderer.

@@ -1,8 +1,6 @@
 #ifndef HDTRAPEZE_SAMPLES_H
 #define HDTRAPEZE_SAMPLES_H
 
-#include "hdtrapeze.h"
-
 #include "pxr/base/gf/interval.h"
 #include "pxr/base/gf/matrix4d.h"
 #include "pxr/base/tf/token.h"
@@ -26,18 +24,11 @@ template <class T> struct HdTrapezeSamples {
     std::vector<T> values;
 };
 
-/// Matrices of a transform over time, as the C ABI takes them: one level.
+/// Matrices of a transform over time.
 struct HdTrapezeTransform : HdTrapezeSamples<GfMatrix4d> {
     /// Between samples, it goes along arcs: the host cannot tell how, and nothing shows that it
     /// goes straight.
     bool turns = false;
-
-    trz_transform_samples Level() const {
-        return {times.data(), values.empty() ? nullptr : values.front().GetArray(), values.size(),
-                turns};
-    }
-
-    size_t LevelCount() const { return values.empty() ? 0 : 1; }
 };
 
 /// Sorts what a scene delegate gave. At the default time, some give times that are no numbers, with

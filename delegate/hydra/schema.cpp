@@ -5,13 +5,16 @@
 
 PXR_NAMESPACE_OPEN_SCOPE
 
+HdContainerDataSourceHandle HdTrapezeFindSource(HdRenderIndex const& index, SdfPath const& id) {
+    HdSceneIndexBaseRefPtr const scene = index.GetTerminalSceneIndex();
+    return scene ? scene->GetPrim(id).dataSource : nullptr;
+}
+
 HdTrapezeSchema::HdTrapezeSchema(HdSceneDelegate* delegate, SdfPath const& id,
                                  HdDataSourceLocator const& where)
     : _delegate(delegate), _id(id) {
-    if (HdSceneIndexBaseRefPtr const scene = delegate->GetRenderIndex().GetTerminalSceneIndex()) {
-        if (HdContainerDataSourceHandle const prim = scene->GetPrim(id).dataSource) {
-            _fields = HdContainerDataSource::Cast(HdContainerDataSource::Get(prim, where));
-        }
+    if (auto const prim = HdTrapezeFindSource(delegate->GetRenderIndex(), id)) {
+        _fields = HdContainerDataSource::Cast(HdContainerDataSource::Get(prim, where));
     }
 }
 

@@ -9,6 +9,9 @@
 
 PXR_NAMESPACE_OPEN_SCOPE
 
+/// What the host's scene index has of a prim; null where there is none.
+HdContainerDataSourceHandle HdTrapezeFindSource(HdRenderIndex const& index, SdfPath const& id);
+
 /// What a prim has under the name of one of Hydra's schemas: fields that scene delegates have no
 /// function for. They come from the host's scene index, else from the delegate by their names.
 class HdTrapezeSchema final {
