@@ -4,6 +4,8 @@
 mod exact;
 mod trace_scenes;
 
+use std::sync::Arc;
+
 use exact::{Exact, dot};
 use glam::{DAffine3, DVec3, Vec3};
 use hdtrapeze_core::bvh::block::{CellRect, loose};
@@ -12,6 +14,7 @@ use hdtrapeze_core::bvh::object::{Blas, BlockTree, loose_group};
 use hdtrapeze_core::bvh::{Bounds8, BvhStats, Frame, LinearBox, ObjectGeometry, Tree};
 use hdtrapeze_core::grid::{DicedMesh, PlanarMesh};
 use hdtrapeze_core::trace::instance::world_bounds;
+use hdtrapeze_core::trace::{InstanceTransform, TraceCounts, World};
 use proptest::prelude::*;
 use trace_scenes::*;
 
@@ -339,6 +342,31 @@ fn whole_subtrees_of_combed_fur_share_frames() {
     });
     let stats = check_object(upright, &[0.0]).expect("contained");
     assert_eq!((stats.blocks, stats.loose_groups), (100, 0));
+}
+
+#[test]
+fn upright_trees_have_no_frames_and_give_the_same_hits() {
+    for mesh in [combed(600, 0.003, &keys(2), 1), patches(40, 9, &keys(2), 3)] {
+        let turned = ObjectGeometry::plain(mesh.clone());
+        let upright = ObjectGeometry::upright(mesh);
+        let frames = |stats: &BvhStats| stats.oriented_nodes + stats.oriented_blocks;
+        assert!(frames(turned.stats()) > 0);
+        assert_eq!(frames(upright.stats()), 0);
+        let world = |object| {
+            let place = InstanceTransform::Translation(DVec3::ZERO);
+            World::build(vec![instance(&Arc::new(object), place)], DVec3::ZERO)
+        };
+        let worlds = [turned, upright].map(world);
+        let mut rng = Rng(8);
+        for _ in 0..500 {
+            let origin = rng.direction() * 3.0;
+            let ray = ray(origin, rng.cube() - origin, rng.unit());
+            let [a, b] = worlds
+                .each_ref()
+                .map(|world| world.trace(&ray, &mut TraceCounts::default()));
+            assert_eq!(a, b, "{ray:?}");
+        }
+    }
 }
 
 #[test]

@@ -45,12 +45,18 @@ pub fn is_bounded(level: Level, planes: &GridPlanes<'_>) -> bool {
     level.run(Limit(planes.coordinates()))
 }
 
-/// Bounds the groups of a block in the frame that costs least, unless its halves cost less. The grid
-/// [is bounded](is_bounded).
-pub fn bound<B: Bounds8>(level: Level, planes: &GridPlanes<'_>, span: Span) -> Bounded<B> {
+/// Bounds the groups of a block in the frame that costs least, or with `upright` along the axes of space, unless its halves
+/// cost less. The grid [is bounded](is_bounded).
+pub fn bound<B: Bounds8>(
+    level: Level,
+    planes: &GridPlanes<'_>,
+    span: Span,
+    upright: bool,
+) -> Bounded<B> {
     level.run(Bound {
         planes,
         span,
+        upright,
         kind: PhantomData,
     })
 }
@@ -98,6 +104,7 @@ impl Kernel for Limit<'_> {
 struct Bound<'a, B> {
     planes: &'a GridPlanes<'a>,
     span: Span,
+    upright: bool,
     kind: PhantomData<B>,
 }
 
@@ -106,7 +113,12 @@ impl<B: Bounds8> Kernel for Bound<'_, B> {
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) -> Bounded<B> {
-        let Self { planes, span, .. } = self;
+        let Self {
+            planes,
+            span,
+            upright,
+            ..
+        } = self;
         let groups = Groups::of_block(&planes.grid, &span);
         let vertices = Vertices {
             planes: planes.planes,
@@ -135,7 +147,8 @@ impl<B: Bounds8> Kernel for Bound<'_, B> {
         let turn = whole * TURN_COST;
         let mut frame = None;
         // So have boxes of any frame: where that saves nothing, none is tried.
-        if surface + turn < cost
+        if !upright
+            && surface + turn < cost
             && let Some(candidate) = frame_of(u, v, &span)
         {
             let turned = boxes(simd, vertices, &groups, Some(&candidate));

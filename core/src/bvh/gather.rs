@@ -41,14 +41,14 @@ pub struct Part<B: Bounds8> {
     pub reach: f64,
 }
 
-/// Turns a mesh into planes, and gathers all its grids; those that are not sound are left out.
-pub fn gather<B: Bounds8>(mesh: DicedMesh) -> (PlanarMesh, Vec<Part<B>>) {
+/// Turns a mesh into planes, and gathers all its grids, with `upright` without frames; those that are not sound are left out.
+pub fn gather<B: Bounds8>(mesh: DicedMesh, upright: bool) -> (PlanarMesh, Vec<Part<B>>) {
     let level = Level::best();
     PlanarMesh::turned(mesh, |run: Run<'_>| {
         let mut part = Part::new(run.vertex_count());
         let mut spans = Vec::new();
         run.turn(level, |g, planes| {
-            let added = planes.and_then(|planes| part.add(level, g, &planes, &mut spans));
+            let added = planes.and_then(|planes| part.add(level, g, &planes, &mut spans, upright));
             part.dropped += u64::from(added.is_none());
         });
         part
@@ -77,6 +77,7 @@ impl<B: Bounds8> Part<B> {
         g: u32,
         planes: &GridPlanes<'_>,
         spans: &mut Vec<Span>,
+        upright: bool,
     ) -> Option<()> {
         if !is_bounded(level, planes) {
             return None;
@@ -109,7 +110,7 @@ impl<B: Bounds8> Part<B> {
         spans.extend(block::cut(g, grid));
         spans.reverse();
         while let Some(span) = spans.pop() {
-            let built = match bound::<B>(level, planes, span) {
+            let built = match bound::<B>(level, planes, span, upright) {
                 Bounded::Block(built) => built,
                 Bounded::Halve => {
                     let [near, far] = block::halved(span);

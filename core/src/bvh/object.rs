@@ -161,10 +161,18 @@ impl ObjectGeometry {
 
     /// The same with a single tree, in the mesh's own space, however it moves: for comparison.
     pub fn plain(mesh: DicedMesh) -> Self {
-        if mesh.is_moving() {
-            build_blocks(mesh, false).object(Blas::Moving)
-        } else {
-            build_blocks(mesh, false).object(Blas::Static)
+        Self::in_own_space(mesh, false)
+    }
+
+    /// The same with all bounds along the axes of space: for comparison.
+    pub fn upright(mesh: DicedMesh) -> Self {
+        Self::in_own_space(mesh, true)
+    }
+
+    fn in_own_space(mesh: DicedMesh, upright: bool) -> Self {
+        match mesh.is_moving() {
+            true => build_blocks(mesh, false, upright).object(Blas::Moving),
+            false => build_blocks(mesh, false, upright).object(Blas::Static),
         }
     }
 
@@ -281,9 +289,10 @@ impl<B> Blocks<B> {
     }
 }
 
-/// Turns a mesh into planes and builds the tree over it, of full nodes where `full`, or where that costs no time.
-pub(super) fn build_blocks<B: Bounds8>(mesh: DicedMesh, full: bool) -> Blocks<B> {
-    let (mesh, parts): (PlanarMesh, Vec<Part<B>>) = gather(mesh);
+/// Turns a mesh into planes and builds the tree over it, of full nodes where `full`, or where that costs no time; without
+/// frames where `upright`.
+pub(super) fn build_blocks<B: Bounds8>(mesh: DicedMesh, full: bool, upright: bool) -> Blocks<B> {
+    let (mesh, parts): (PlanarMesh, Vec<Part<B>>) = gather(mesh, upright);
     let mut bounds = LinearBox::EMPTY;
     let (mut reach, mut strips, mut dropped) = (0.0f64, 0, 0);
     for part in &parts {
@@ -313,7 +322,7 @@ pub(super) fn build_blocks<B: Bounds8>(mesh: DicedMesh, full: bool) -> Blocks<B>
         items,
         frames,
         nodes,
-        (strips > 0).then_some(&strands),
+        (strips > 0 && !upright).then_some(&strands),
         &NEVER,
     );
     // Oriented bounds, and bounds as packed, may reach farther than any vertex: they are part of the radius.

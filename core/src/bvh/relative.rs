@@ -122,7 +122,7 @@ pub fn build(mesh: &DicedMesh) -> Option<Built> {
             return None;
         }
         slack = carrier.stretch() * e;
-        let found = build_blocks(model(mesh, None, 0..=0), false);
+        let found = build_blocks(model(mesh, None, 0..=0), false, false);
         (radius, stats) = (found.radius, found.stats);
         Trees::Still(found.tree)
     } else {
@@ -137,7 +137,7 @@ pub fn build(mesh: &DicedMesh) -> Option<Built> {
             if let Some(carrier) = carrier.filter(|c| c.turns()) {
                 slack = slack.max(straying(&model, carrier, first));
             }
-            let found = build_blocks(model, plan.middle.is_some());
+            let found = build_blocks(model, plan.middle.is_some(), false);
             radius = radius.max(found.radius);
             stats = stats.plus(&found.stats);
             trees.push(found.tree);
