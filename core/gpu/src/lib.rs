@@ -5,8 +5,8 @@
 //! small, or where it is lost: every fault is a [`GpuError`], and callers go on with the CPU.
 //!
 //! [`device`] finds and opens devices, [`kernel`] compiles stages, [`scene`] lays a world out for them, [`build`] makes
-//! trees there. Stages: [`generate`] draws camera rays, [`trace`] traces rays, [`shade`] tells what their hits give, [`film`] sums that up by pixel; [`frame`] runs them
-//! for core's passes.
+//! trees there. Stages: [`generate`] draws camera rays, [`trace`] traces rays, [`shade`] tells what their hits give, [`film`] sums that up by pixel;
+//! [`occlude`] sends rays on from hits, and tells how many meet nothing; [`frame`] runs those that core's passes need.
 #![forbid(unsafe_code)]
 
 pub mod build;
@@ -17,6 +17,8 @@ pub mod film;
 pub mod frame;
 pub mod generate;
 pub mod kernel;
+pub mod occlude;
+mod order;
 mod pages;
 pub mod scene;
 pub mod shade;
@@ -29,6 +31,7 @@ pub use device::{Device, Found};
 pub use error::GpuError;
 pub use frame::{GpuFrame, Stages};
 pub use generate::{GpuCamera, RayMaker};
+pub use occlude::{Occluder, Occlusion};
 pub use scene::GpuScene;
 pub use tiles::GpuTiles;
 pub use trace::Tracer;

@@ -265,6 +265,7 @@ impl Page {
             permutation: TracePermutation {
                 time: arrays.time,
                 stack: start.stack()?,
+                any: false,
                 counts: false,
             },
             root: start.root,

@@ -38,6 +38,11 @@ pub struct Batch {
 }
 
 impl Batch {
+    /// As the layout's [`Hit`], by the numbers of rays; there once it has run.
+    pub fn hits(&self) -> &wgpu::Buffer {
+        &self.hits
+    }
+
     /// Only its hits.
     pub(crate) fn into_hits(self) -> wgpu::Buffer {
         self.hits
@@ -163,7 +168,6 @@ impl Tracer {
                 root: page.root,
                 ray_count: len as u32,
                 row: across * TRACE_WORKGROUP,
-                any: any.into(),
                 page: number as u32,
                 radius: page.radius,
                 pad: page.pad,
@@ -176,6 +180,7 @@ impl Tracer {
             let scene_group = self.group(0, &page.group.each_ref());
             let batch_group = self.group(1 + usize::from(counts), &buffers);
             let permutation = TracePermutation {
+                any,
                 counts,
                 ..page.permutation
             };

@@ -53,6 +53,7 @@ impl GeneratePermutation {
         [
             self.samples().as_str(),
             crate::layout::SOURCE,
+            include_str!("../wgsl/circle.wgsl"),
             include_str!("../wgsl/pose.wgsl"),
             include_str!("../wgsl/camera.wgsl"),
             include_str!("../wgsl/tiles.wgsl"),

@@ -3,14 +3,16 @@
 mod build;
 mod film;
 mod generate;
+mod scatter;
 mod shade;
 mod trace;
 
 pub use build::{Binding, BuildStage, EntryPoint, SORT_BITS, SORT_TILE};
 pub use film::film_source;
 pub use generate::{GeneratePermutation, LensKind, TILE_SQUARE, TimeKind};
+pub use scatter::{SCATTER_WORKGROUP, order_source, scatter_source, share_source, site_source};
 pub use shade::{SHADE_WORKGROUP, ShadePermutation};
-pub use trace::{STACKS, TRACE_WORKGROUP, TracePermutation};
+pub use trace::{OccludePermutation, STACKS, TRACE_WORKGROUP, Told, TracePermutation, VISITS};
 
 #[cfg(test)]
 mod tests {

@@ -34,6 +34,8 @@ impl ShadePermutation {
             fixed.as_str(),
             crate::layout::SOURCE,
             include_str!("../wgsl/keys.wgsl"),
+            include_str!("../wgsl/facet.wgsl"),
+            include_str!("../wgsl/circle.wgsl"),
             include_str!("../wgsl/pose.wgsl"),
             include_str!("../wgsl/shade.wgsl"),
         ]

@@ -3,7 +3,6 @@
 // Core computes shutter curves and arcs of blades in f64. Here each is put so that nothing cancels, with what the host
 // rounds once: a result is off by a few roundings of its own size.
 
-const QUARTER_PI: f32 = 0.7853981633974483;
 // Farther than any range that is clipped.
 const FAR: f32 = 2.0e30;
 
@@ -65,21 +64,7 @@ fn time_of(number: u32) -> f32 {
     return clamp(number_at(at + 3u) + direction * passed, open, close);
 }
 
-// Unit square to unit disk: core's concentric_disk.
-fn disk(at: vec2<f32>) -> vec2<f32> {
-    let p = 2.0 * at - 1.0;
-    if p.x == 0.0 && p.y == 0.0 {
-        return vec2<f32>(0.0);
-    }
-    if abs(p.x) > abs(p.y) {
-        let angle = QUARTER_PI * (p.y / p.x);
-        return vec2<f32>(cosine(angle), sine(angle)) * p.x;
-    }
-    let angle = QUARTER_PI * (p.x / p.y);
-    return vec2<f32>(sine(angle), cosine(angle)) * p.y;
-}
-
-// The same in polar form: radius, and angle in turns from -1/8 to 7/8.
+// A point of the disk as `disk` has it, in polar form: radius, and angle in turns from -1/8 to 7/8.
 fn disk_polar(at: vec2<f32>) -> vec2<f32> {
     let p = 2.0 * at - 1.0;
     let size = abs(p);

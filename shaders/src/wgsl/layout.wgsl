@@ -87,14 +87,68 @@ struct TraceLaunch {
     ray_count: u32,
     // Rays of one row of workgroups: launches wider than a device allows have several rows.
     row: u32,
-    // 1: any hit will do.
-    any: u32,
     // Number of the page; from the second on there are hits already.
     page: u32,
     // Bounds the magnitude of every coordinate of every instance.
     radius: f32,
     // Pad of slab tests against the tree over instances, per unit of distance from the world's origin.
     pad: f32,
+}
+
+// Where rays leave a first hit, world space relative to the world's origin.
+struct Site {
+    // Off the surface.
+    origin: vec3<f32>,
+    // In [0, 1] across the shutter.
+    time: f32,
+    // Unit length, on the side that the first ray came from; 0 where there is no site.
+    normal: vec3<f32>,
+    // How far the origin is off the surface.
+    offset: f32,
+}
+
+// What a launch of the stage `site` works on.
+struct SiteLaunch {
+    ray_count: u32,
+    // Rays of one row of workgroups.
+    row: u32,
+}
+
+// What a launch of the stage `scatter` works on.
+struct ScatterLaunch {
+    // Of all patterns; the lower word first.
+    seed: vec2<u32>,
+    // Digits of a net's numbers.
+    digits: u32,
+    // Rays of a site, and of all.
+    samples: u32,
+    ray_count: u32,
+    // Rays of one row of workgroups.
+    row: u32,
+    // What is added to the numbers of sites, for their patterns.
+    first: u32,
+    // What is farther occludes nothing; scene units.
+    reach: f32,
+}
+
+// What a launch of the stage `order` works on.
+struct OrderLaunch {
+    ray_count: u32,
+    // Rays of one row of workgroups.
+    row: u32,
+    // Bits of a ray's number in its run, of each axis of a direction, and of a time.
+    run_bits: u32,
+    direction_bits: u32,
+    time_bits: u32,
+}
+
+// What a launch of the stage `share` works on.
+struct ShareLaunch {
+    hit_count: u32,
+    // Hits of one row of workgroups.
+    row: u32,
+    // Rays of a hit.
+    samples: u32,
 }
 
 // A camera and what is drawn for it, as camera.wgsl uses it. Places are words of `tables`.

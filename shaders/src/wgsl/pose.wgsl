@@ -1,9 +1,8 @@
 // Where the camera is: the twin of core's camera/pose.rs, in f32.
 //
 // Core turns poses in f64. Here a turn is given by two quaternions at right angles, and places relative to the camera's:
-// what comes out is off by a few roundings. Sines and cosines are polynomials: what WGSL asks of its own is too little
-// for a ray. Tables stand in `tables`, as words; places in it are those of `camera`. The permutation fixes MOVES: the
-// camera does.
+// what comes out is off by a few roundings. Tables stand in `tables`, as words; places in it are
+// those of `camera`. The permutation fixes MOVES: the camera does.
 
 fn number_at(i: u32) -> f32 {
     return bitcast<f32>(tables[i]);
@@ -19,26 +18,6 @@ fn triple_at(i: u32) -> vec3<f32> {
 
 fn quadruple_at(i: u32) -> vec4<f32> {
     return vec4<f32>(triple_at(i), number_at(i + 3u));
-}
-
-// x - sin(x), for x from -pi/2 to pi/2.
-fn less_sine(x: f32) -> f32 {
-    let s = x * x;
-    return x * s * (1.0 / 6.0 - s * (1.0 / 120.0 - s * (1.0 / 5040.0 - s * (1.0 / 362880.0 - s * (1.0 / 39916800.0 - s / 6227020800.0)))));
-}
-
-fn sine(x: f32) -> f32 {
-    return x - less_sine(x);
-}
-
-// 1 - cos(x), likewise.
-fn less_cosine(x: f32) -> f32 {
-    let half = sine(0.5 * x);
-    return 2.0 * half * half;
-}
-
-fn cosine(x: f32) -> f32 {
-    return 1.0 - less_cosine(x);
 }
 
 // Words of a key of the camera's path: its time, and, up to the next one, where the turn is and which way it goes (two

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use bytemuck::bytes_of;
 use hdtrapeze_shaders::layout::BuildLaunch;
-use hdtrapeze_shaders::stage::{Binding, BuildStage};
+use hdtrapeze_shaders::stage::{Binding, BuildStage, SORT_BITS};
 use wgpu::BufferUsages as Usage;
 
 use crate::kernel::rows;
@@ -236,6 +236,29 @@ impl Clock {
             end_of_pass_write_index: Some(2 * run + 1),
         })
     }
+}
+
+/// The dispatches of the stage `sort` that put `launch.items` in the order of the low `bits` of their keys; sets of buffers take
+/// turns, so that where there is an odd number of rounds, what is sorted is what the first set sorts into.
+pub(crate) fn sort_steps(launch: BuildLaunch, bits: u32) -> (Vec<Step>, u32) {
+    let rounds = bits.div_ceil(SORT_BITS);
+    let mut steps = Vec::new();
+    for round in 0..rounds {
+        let launch = BuildLaunch {
+            first: round * SORT_BITS,
+            ..launch
+        };
+        let step = |entry, workgroups| Step {
+            entry,
+            launch,
+            workgroups,
+            set: round as usize % 2,
+        };
+        steps.push(step("count", launch.tiles));
+        steps.push(step("sum", 1));
+        steps.push(step("scatter", launch.tiles));
+    }
+    (steps, rounds)
 }
 
 /// Workgroups of so many invocations for `count` of them.

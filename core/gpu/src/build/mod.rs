@@ -21,7 +21,7 @@
 //! A tree that needs a deeper stack than there is (boxes inside boxes, mostly) is made on the CPU instead.
 
 pub(crate) mod forest;
-mod kernels;
+pub(crate) mod kernels;
 mod trees;
 
 use std::sync::Arc;

@@ -8,7 +8,7 @@ use hdtrapeze_shaders::stage::{BuildStage, SORT_BITS, SORT_TILE};
 use wgpu::BufferUsages as Usage;
 
 use super::forest::Forest;
-use super::kernels::{Clock, Kernels, Step, workgroups};
+use super::kernels::{Clock, Kernels, Step, sort_steps, workgroups};
 use crate::{Device, GpuError};
 
 /// Items that are bounded in one submission: no driver's patience is tried.
@@ -318,23 +318,7 @@ impl Trees {
                 &state,
             ]
         };
-        let mut steps = Vec::new();
-        let rounds = self.forest.key_bits().div_ceil(SORT_BITS);
-        for round in 0..rounds {
-            let launch = BuildLaunch {
-                first: round * SORT_BITS,
-                ..launch
-            };
-            let step = |entry, workgroups| Step {
-                entry,
-                launch,
-                workgroups,
-                set: round as usize % 2,
-            };
-            steps.push(step("count", launch.tiles));
-            steps.push(step("sum", 1));
-            steps.push(step("scatter", launch.tiles));
-        }
+        let (mut steps, rounds) = sort_steps(launch, self.forest.key_bits());
         steps.push(Step {
             entry: "begin",
             launch,

@@ -1,4 +1,5 @@
 //! Worlds that devices are tried with, and what their hits are held to.
+#![allow(dead_code)]
 
 use glam::DVec3;
 use hdtrapeze_core::trace::{Hit, InstanceTransform, Ray, TraceCounts, World, brute};
