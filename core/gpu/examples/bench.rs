@@ -3,19 +3,28 @@
 //! ```text
 //! cargo build --release -p hdtrapeze-gpu --example bench
 //! target/release/examples/bench [--size MILLIONS] [--image PIXELS] [--repeat TIMES] [--no-cpu]
+//! target/release/examples/bench --occlusion [--size MILLIONS] [--image PIXELS]
 //! target/release/examples/bench --frame SAMPLES
 //! ```
 //!
-//! Scenes of about so many million micropolygons (1): a rippling sheet, tumbling patches, fur; each still, and moving and
-//! defocused; traced through trees of the CPU, and of the device. Rays of an image of `PIXELS` squared (1024) with 4 samples
+//! Scenes of about so many million micropolygons (1): a rippling sheet, tumbling patches, fur; each still, sharp (out of focus
+//! at one time), and blurred (moving and out of focus, the same rays); traced through trees of the CPU, through such whose
+//! bounds are all upright, and through trees of the device. Rays of an image of `PIXELS` squared (1024) with 4 samples
 //! each. Hits are compared with the CPU's before a time is printed. The device's time is by its own timestamps, of the fastest
 //! of `TIMES` (5) launches, and for each stage that makes trees, of the second time it does.
 //!
+//! Bytes and operations are what the tests imply; their parts of the device's peaks are told with `--peak-gbps` and
+//! `--peak-tflops`, which it does not tell itself.
+//!
+//! `--occlusion`: 16 rays from each first hit, as they stand and in order.
+//!
 //! `--frame`: an image of 1280 x 720 with so many samples a pixel, of about a million micropolygons, moving and defocused. Rays are
 //! drawn, traced, shaded and filmed there, in batches that fit; only pixels come back. Each stage is timed on its own. A first
-//! pass is held against the CPU's.
+//! pass is held against the CPU's. Then 16 occlusion rays leave the first hit of each pixel, in order and as they stand.
 
 mod bench_frame;
+mod bench_occlusion;
+mod bench_roofline;
 #[path = "../../tests/trace_scenes/mod.rs"]
 mod trace_scenes;
 
@@ -24,22 +33,34 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::Instant;
 
-use glam::Vec3;
+use bench_occlusion::Occlusions;
+use bench_roofline::{HIT_BYTES, Peaks, RAY_BYTES, asked};
+use glam::{DVec3, Vec3};
+use hdtrapeze_core::bvh::ObjectGeometry;
 use hdtrapeze_core::grid::DicedMesh;
-use hdtrapeze_core::trace::{Hit, Ray, TraceCounts, World};
+use hdtrapeze_core::trace::{Hit, InstanceTransform, Ray, TraceCounts, World};
 use hdtrapeze_gpu::{BuildOptions, Device, FirstOnDevice, GpuScene, Tracer, TreeBuilder};
 use rayon::prelude::*;
 use trace_scenes::lens::Lens;
-use trace_scenes::{fur, keys, patches, sheet, world_of};
+use trace_scenes::{fur, instance, keys, patches, sheet, world_of};
 
 /// Share of rays whose answers may differ from the CPU's: those that meet an edge within rounding.
 const DIFFERENT: f64 = 0.002;
+
+/// A name, keys of vertices, and the radius of the lens. Sharp rays are the blurred ones, all at one time.
+const MOTIONS: [(&str, usize, f32); 3] =
+    [("still", 1, 0.0), ("sharp", 1, LENS), ("blurred", 2, LENS)];
+const LENS: f32 = 0.02;
 
 struct Options {
     millions: f64,
     image: usize,
     repeat: u32,
     cpu: bool,
+    /// Of the device.
+    peaks: Peaks,
+    /// Occlusion rays in place of camera rays.
+    occlusion: bool,
     /// Samples of a frame, where that is asked for.
     frame: Option<u32>,
 }
@@ -50,6 +71,8 @@ fn options() -> Result<Options, Box<dyn Error>> {
         image: 1024,
         repeat: 5,
         cpu: true,
+        peaks: Peaks::default(),
+        occlusion: false,
         frame: None,
     };
     let mut arguments = std::env::args().skip(1);
@@ -60,6 +83,9 @@ fn options() -> Result<Options, Box<dyn Error>> {
             "--image" => options.image = value()?.parse()?,
             "--repeat" => options.repeat = value()?.parse()?,
             "--frame" => options.frame = Some(value()?.parse()?),
+            "--peak-gbps" => options.peaks.gbps = Some(value()?.parse()?),
+            "--peak-tflops" => options.peaks.tflops = Some(value()?.parse()?),
+            "--occlusion" => options.occlusion = true,
             "--no-cpu" => options.cpu = false,
             _ => return Err(format!("unknown flag {flag}; see the head of bench.rs").into()),
         }
@@ -88,6 +114,15 @@ fn view(name: &str, radius: f32) -> Lens {
     }
 }
 
+/// Rays of an image of a scene with so many keys.
+fn rays(name: &str, radius: f32, key_count: usize, image: usize) -> Vec<Ray> {
+    let mut rays = view(name, radius).rays(image);
+    if key_count < 2 {
+        rays.iter_mut().for_each(|ray| ray.time = 0.0);
+    }
+    rays
+}
+
 /// Answers that name another micropolygon.
 fn differences(a: &[Hit], b: &[Hit]) -> usize {
     let id = |hit: &Hit| (hit.instance, hit.grid, hit.cell);
@@ -108,10 +143,13 @@ fn run() -> Result<(), Box<dyn Error>> {
     let found = device.found();
     println!("device: {}, {}, {}", found.name, found.api, found.driver);
     if let Some(samples) = options.frame {
-        return bench_frame::run(&device, samples, DIFFERENT);
+        return bench_frame::run(&device, samples, DIFFERENT, options.peaks);
+    }
+    if options.occlusion {
+        return occlusion(&device, &options);
     }
     println!(
-        "{:<8} {:<7} {:<6} {:>8} {:>8} {:>9} {:>9} {:>8} {:>8} {:>9} {:>9}",
+        "{:<8} {:<7} {:<7} {:>8} {:>8} {:>9} {:>9} {:>8} {:>8} {:>9} {:>9} {}",
         "scene",
         "motion",
         "trees",
@@ -122,7 +160,8 @@ fn run() -> Result<(), Box<dyn Error>> {
         "nodes",
         "cells",
         "differ",
-        "CPU"
+        "CPU",
+        Peaks::head()
     );
     let bench = Bench {
         tracer: Tracer::new(Arc::clone(&device)),
@@ -130,33 +169,79 @@ fn run() -> Result<(), Box<dyn Error>> {
         options,
     };
     for name in ["sheet", "patches", "fur"] {
-        for (motion, key_count, radius) in [("still", 1, 0.0), ("blurred", 2, 0.02)] {
+        let (mut sharp, mut blurred) = (Vec::new(), Vec::new());
+        for (motion, key_count, radius) in MOTIONS {
             let mesh = scene(name, bench.options.millions * 1e6, key_count);
             let cells = mesh.cell_count();
+            let upright = world_upright(mesh.clone());
             let start = Instant::now();
             let world = world_of(mesh);
             let built = start.elapsed().as_secs_f64();
-            let rays = view(name, radius).rays(bench.options.image);
+            let rays = rays(name, radius, key_count, bench.options.image);
             // Without the CPU's time, a sample is compared all the same.
             let some = match bench.options.cpu {
                 true => rays.len(),
                 false => rays.len().min(65536),
             };
             let expected = on_cpu(&world, &rays[..some]);
-            for (trees, first) in [
-                ("CPU", FirstOnDevice::Trace),
-                ("device", FirstOnDevice::Bound),
+            for (trees, world, first) in [
+                ("CPU", &world, FirstOnDevice::Trace),
+                ("upright", &upright, FirstOnDevice::Trace),
+                ("device", &world, FirstOnDevice::Bound),
             ] {
                 print!(
-                    "{name:<8} {motion:<7} {trees:<6} {:>8.2}",
+                    "{name:<8} {motion:<7} {trees:<7} {:>8.2}",
                     cells as f64 * 1e-6
                 );
-                bench.trace(&world, first, &rays, &expected)?;
+                let cost = bench.trace(world, first, &rays, &expected, key_count > 1)?;
+                match motion {
+                    "sharp" => sharp.push((trees, cost)),
+                    "blurred" => blurred.push(cost),
+                    _ => {}
+                }
             }
             println!("  build: {built:.2} s on the CPU; {}", bench.build(&world)?);
         }
+        for ((trees, sharp), blurred) in sharp.iter().zip(&blurred) {
+            println!(
+                "  blurred to sharp, {trees}: time {:.2}, nodes {:.2}, cells {:.2}",
+                blurred.seconds / sharp.seconds,
+                blurred.nodes / sharp.nodes,
+                blurred.cells / sharp.cells
+            );
+        }
     }
     Ok(())
+}
+
+/// What occlusion rays cost in each scene, through the CPU's trees.
+fn occlusion(device: &Arc<Device>, options: &Options) -> Result<(), Box<dyn Error>> {
+    let occlusions = Occlusions::new(Tracer::new(Arc::clone(device)));
+    Occlusions::head();
+    for name in ["sheet", "patches", "fur"] {
+        for (motion, key_count, radius) in MOTIONS {
+            let world = world_of(scene(name, options.millions * 1e6, key_count));
+            let rays = rays(name, radius, key_count, options.image);
+            let scene = GpuScene::new(device, &world)?;
+            let name = format!("{name:<8} {motion}");
+            occlusions.rows(&name, &world, &scene, &rays, DIFFERENT)?;
+        }
+    }
+    Ok(())
+}
+
+/// The same with no bounds along anything but the axes of space.
+fn world_upright(mesh: DicedMesh) -> World {
+    let object = Arc::new(ObjectGeometry::upright(mesh));
+    let place = InstanceTransform::Translation(DVec3::ZERO);
+    World::build(vec![instance(&object, place)], DVec3::ZERO)
+}
+
+/// What rays cost: seconds of the fastest launch, and tests a ray.
+struct Cost {
+    seconds: f64,
+    nodes: f64,
+    cells: f64,
 }
 
 struct Bench {
@@ -181,7 +266,8 @@ impl Bench {
         first: FirstOnDevice,
         rays: &[Ray],
         (expected, seconds): &(Vec<Hit>, f64),
-    ) -> Result<(), Box<dyn Error>> {
+        moving: bool,
+    ) -> Result<Cost, Box<dyn Error>> {
         let tracer = &self.tracer;
         let start = Instant::now();
         let scene = self.scene(world, first)?;
@@ -206,7 +292,7 @@ impl Bench {
         }
         let per_ray = |count: u64| count as f64 / rays.len() as f64;
         println!(
-            " {:>8.0} {layout:>9.2} {:>9.1} {:>8.1} {:>8.1} {differ:>9.6} {:>9}",
+            " {:>8.0} {layout:>9.2} {:>9.1} {:>8.1} {:>8.1} {differ:>9.6} {:>9} {}",
             scene.bytes() as f64 / f64::from(1 << 20),
             rays.len() as f64 / best * 1e-6,
             per_ray(counts.node_tests),
@@ -215,8 +301,15 @@ impl Bench {
                 true => format!("{:.1}", some as f64 / seconds * 1e-6),
                 false => "-".to_owned(),
             },
+            self.options
+                .peaks
+                .columns(&asked(&counts, moving, RAY_BYTES + HIT_BYTES), best),
         );
-        Ok(())
+        Ok(Cost {
+            seconds: best,
+            nodes: per_ray(counts.node_tests),
+            cells: per_ray(counts.cell_tests),
+        })
     }
 
     /// Milliseconds of each stage that makes trees on the device.

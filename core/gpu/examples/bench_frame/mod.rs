@@ -1,5 +1,6 @@
 //! A frame from samples to pixels, all of it on the device: no ray crosses the bus, and only the film is kept.
 
+mod secondary;
 #[path = "../../../tests/support/mod.rs"]
 mod support;
 
@@ -21,7 +22,10 @@ use hdtrapeze_core::scene::{
 };
 use hdtrapeze_core::surface::{MeshTopology, Scheme};
 use hdtrapeze_gpu::{Device, GpuFrame, Stages};
+use secondary::Secondary;
 use support::NoSubdivision;
+
+use crate::bench_roofline::Peaks;
 
 /// Pixels of the image.
 const SIZE: [u32; 2] = [1280, 720];
@@ -178,7 +182,12 @@ fn difference(prepared: &Prepared, on: &GpuFrame) -> Result<f64, Box<dyn Error>>
 
 /// Renders the frame with so many samples a pixel, and prints what that took; first samples may differ from the CPU's in so
 /// many parts of the image.
-pub fn run(device: &Arc<Device>, samples: u32, different: f64) -> Result<(), Box<dyn Error>> {
+pub fn run(
+    device: &Arc<Device>,
+    samples: u32,
+    different: f64,
+    peaks: Peaks,
+) -> Result<(), Box<dyn Error>> {
     let never = AtomicBool::new(false);
     let start = Instant::now();
     let prepared = prepare(&scene(samples), &NoSubdivision, None, &never)?.prepared;
@@ -234,5 +243,6 @@ pub fn run(device: &Arc<Device>, samples: u32, different: f64) -> Result<(), Box
         "{:.1} M rays, {samples} samples a pixel of {SIZE:?}",
         rays * 1e-6
     );
-    Ok(())
+    drop(on_gpu);
+    Secondary::new(device, &prepared)?.run(different, peaks)
 }
