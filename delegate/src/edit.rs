@@ -3,7 +3,7 @@
 //! Applying makes one new `Arc` for each prim that really changed, however many edits it got, and
 //! keeps the old one where nothing did: the renderer recognises unchanged prims by pointer.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::sync::Arc;
 
 use hdtrapeze_core::scene::{
@@ -223,6 +223,11 @@ impl EditQueue {
         Ok(())
     }
 
+    /// All changes, which stay in the queue.
+    pub fn all(&self) -> Vec<Change> {
+        self.sealed.iter().chain(&self.changes).cloned().collect()
+    }
+
     /// All changes.
     pub fn take(&mut self) -> Vec<Change> {
         self.seal();
@@ -232,8 +237,31 @@ impl EditQueue {
     /// Draws a line under the changes so far: what comes later is the next render's.
     pub fn seal(&mut self) -> Edits {
         self.counts.clear();
+        let waits = !self.sealed.is_empty();
         self.sealed.append(&mut self.changes);
+        if waits {
+            self.drop_replaced();
+        }
         self.edits
+    }
+
+    /// Drops sealed edits that a later one makes good for: nobody has taken them for so long that others came.
+    fn drop_replaced(&mut self) {
+        let mut later = HashSet::new();
+        let mut kept: Vec<Change> = std::mem::take(&mut self.sealed);
+        kept.reverse();
+        kept.retain(|change| match change {
+            Change::Edit(id, edit) => {
+                let primvar = match &**edit {
+                    Edit::Primvar(name, _) => Some(name.clone()),
+                    _ => None,
+                };
+                later.insert((*id, std::mem::discriminant(&**edit), primvar))
+            }
+            _ => true,
+        });
+        kept.reverse();
+        self.sealed = kept;
     }
 
     /// The sealed changes, and after them the camera, settings and AOVs of a render of them.
@@ -592,6 +620,33 @@ mod tests {
             Err(Error::NotFound(_))
         ));
         assert!(queue.create(Kind::Mesh, "/mesh") > camera, "ids come back");
+    }
+
+    #[test]
+    fn what_nobody_takes_does_not_pile_up() {
+        let mut queue = EditQueue::default();
+        let mesh = queue.create(Kind::Mesh, "/mesh");
+        let other = queue.create(Kind::Mesh, "/other");
+        queue.seal();
+        for i in 0..100 {
+            queue.edit(mesh, points(i as f32)).unwrap();
+            let primvar = |name: &str| Edit::Primvar(name.to_owned(), None);
+            queue.edit(mesh, primvar("a")).unwrap();
+            queue.edit(mesh, primvar("b")).unwrap();
+            queue.edit(other, Edit::Visible(i % 2 == 0)).unwrap();
+            queue.seal();
+        }
+        let changes = queue.take();
+        // Two prims, and of each edit the last.
+        assert_eq!(changes.len(), 6);
+        let (mut all, mut last) = (Scene::default(), Scene::default());
+        apply(&mut all, changes);
+        let edits = [(mesh, points(99.0)), (other, Edit::Visible(false))];
+        let made = [(mesh, "/mesh"), (other, "/other")];
+        let made = made.map(|(id, path)| Change::Create(id, Kind::Mesh, path.into()));
+        let edits = edits.map(|(id, edit)| Change::Edit(id, Box::new(edit)));
+        apply(&mut last, made.into_iter().chain(edits).collect());
+        assert_eq!(all.prims, last.prims);
     }
 
     #[test]

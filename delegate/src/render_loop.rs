@@ -273,7 +273,10 @@ impl Inner {
                 self.lock().readable = 0;
             }
             let view = &job.view;
-            let mut result = self.session.start_sealed(view.camera, &view.settings);
+            let is_given_up = || self.lock().is_given_up(mine);
+            let mut result = self
+                .session
+                .start_sealed(view.camera, &view.settings, &is_given_up);
             if result.is_ok() {
                 if is_last {
                     self.lock().readable = mine;

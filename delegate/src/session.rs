@@ -5,7 +5,7 @@
 //! the status only, so they never wait for a commit.
 
 use std::path::Path;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::thread::{Builder, JoinHandle};
 use std::time::{Duration, Instant};
@@ -228,17 +228,18 @@ impl Session {
 
     /// Commits, then renders from the first sample on a thread of the session.
     pub fn start(&self) -> Result<(), Error> {
-        self.start_with(EditQueue::take)
+        self.start_with(EditQueue::take, &|| false)
     }
 
     /// The same with the edits that were sealed, whole, and none of those after: a view of theirs, with
-    /// its AOVs.
+    /// its AOVs. What is given up takes none, and what is given up as it begins is cancelled.
     pub(crate) fn start_sealed(
         &self,
         camera: Option<PrimId>,
         settings: &RenderSettings,
+        is_given_up: &dyn Fn() -> bool,
     ) -> Result<(), Error> {
-        self.start_with(|edits| edits.take_sealed(camera, settings))
+        self.start_with(|edits| edits.take_sealed(camera, settings), is_given_up)
     }
 
     /// Seals the edits so far, and tells how many there were ever.
@@ -246,13 +247,24 @@ impl Session {
         lock(&self.edits).seal()
     }
 
-    fn start_with(&self, take: impl FnOnce(&mut EditQueue) -> Vec<Change>) -> Result<(), Error> {
+    fn start_with(
+        &self,
+        take: impl FnOnce(&mut EditQueue) -> Vec<Change>,
+        is_given_up: &dyn Fn() -> bool,
+    ) -> Result<(), Error> {
         self.may_wait()?;
         let work = &mut *lock(&self.work);
         self.shared.check()?;
+        if is_given_up() {
+            return Err(Error::Cancelled);
+        }
         self.apply_edits(work, take);
         self.stop(work);
         let cancel = self.shared.begin();
+        // An interrupt before this had nothing to cancel.
+        if is_given_up() {
+            self.shared.request_cancel();
+        }
         let result = match work.current {
             true => self.committed(),
             false => self.prepare(work, &cancel),
@@ -335,10 +347,13 @@ impl Session {
     /// diced. A running render goes on with what it had.
     pub fn dump(&self) -> Result<String, Error> {
         self.may_wait()?;
-        let work = &mut *lock(&self.work);
+        let work = lock(&self.work);
         self.shared.check()?;
-        self.apply_edits(work, EditQueue::take);
-        self.shared.guard(|| dump(&work.scene))
+        // Edits stay in the queue: a render may be waiting for those before a certain one.
+        let mut scene = work.scene.clone();
+        apply(&mut scene, lock(&self.edits).all());
+        drop(work);
+        self.shared.guard(|| dump(&scene))
     }
 
     /// The nearest hit of each ray in the committed scene.
@@ -535,9 +550,13 @@ impl Session {
         self.warn(&preparation.warnings);
         let prepared = Arc::new(preparation.prepared);
         work.previous = Some(prepared.clone());
-        work.current = true;
+        // What was prepared is taken over by the next; the device keeps what it has until then.
+        if cancel.load(Ordering::Relaxed) {
+            return Err(Error::Cancelled);
+        }
         let gpu = self.upload(&prepared, work.gpu.take())?;
         work.gpu.clone_from(&gpu);
+        work.current = true;
         let committed = Committed {
             prepared,
             gpu,

@@ -139,7 +139,7 @@ def test_prims_with_too_many_micropolygons_are_told_of_together(host):
     view.render()
     """,
     )
-    text = "3 prims need more micropolygons than a prim may have; they are diced more coarsely"
+    text = "this prim and others need more micropolygons than a prim may have; they are diced more coarsely"
     assert ran.warnings == [("/x", f"{text} (budget)")]
 
 

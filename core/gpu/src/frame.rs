@@ -111,8 +111,10 @@ impl GpuFrame {
             ..
         } = self;
         let refitted = match scene.refit(&stages.builder, prepared.world()) {
-            // There may be room for one of both.
-            Err(GpuError::TooLarge { .. } | GpuError::OutOfMemory { .. }) => false,
+            // There may be room for one of both, or for several pages.
+            Err(
+                GpuError::TooLarge { .. } | GpuError::OutOfMemory { .. } | GpuError::Unsupported(_),
+            ) => false,
             refitted => refitted?,
         };
         if refitted {

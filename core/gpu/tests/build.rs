@@ -845,6 +845,24 @@ fn not_refitted(tracer: &Tracer) -> Result<(), Failed> {
         contained(tracer, &scene, &[&mesh])?;
     }
     agree(tracer, &world, &scene, 300)?;
+    // One item each, a loose group or a block: those of what moves lie behind it.
+    let floor = |rate: (u16, u16)| {
+        let floor = mesh(&[rate], &[0.0], |_, u, v, _| Vec3::new(u, v, 0.0));
+        let still = instance(&object(floor), InstanceTransform::Translation(DVec3::ZERO));
+        let moving = instance(
+            &object(patches(6, 16, &keys(2), 3)),
+            InstanceTransform::Translation(DVec3::ONE),
+        );
+        World::build(vec![still, moving], DVec3::ZERO)
+    };
+    for (before, after) in [((4, 2), (8, 8)), ((8, 8), (4, 2))] {
+        let world = floor(before);
+        let mut scene = built(tracer, &world, true)?;
+        if scene.refit(builder(tracer), &floor(after))? {
+            return Err("refitted to blocks in other places".into());
+        }
+        agree(tracer, &world, &scene, 100)?;
+    }
     let mut scene = built(tracer, &world, false)?;
     match scene.refit(builder(tracer), &world)? {
         true => Err("refitted from nothing".into()),

@@ -18,7 +18,7 @@ use super::orient::Strands;
 use super::outline::{self, Outline};
 use super::relative::{self, Built, Relative};
 use super::{Bounds8, LinearBox, LinearSlabs, Node, StaticSlabs};
-use crate::alone::alone;
+use crate::alone::alone_or;
 use crate::grid::{DicedMesh, PlanarMesh};
 
 /// Set in an item of the tree that is a [loose group](super::block::loose) rather than a block; below it
@@ -213,8 +213,7 @@ impl ObjectGeometry {
     fn made_alone(&self) -> &Blas {
         let (blas, _) = self.tree.get_or_init(|| {
             let mesh = Arc::clone(&self.mesh);
-            // Without a thread there is no memory either.
-            alone(move || tree_of(&mesh)).unwrap_or_else(|_| tree_of(&PlanarMesh::default()))
+            alone_or(move || tree_of(&mesh), || tree_of(&PlanarMesh::default()))
         });
         blas
     }

@@ -389,12 +389,12 @@ pub(crate) fn resolve_shutter(
 fn coarsened(prims: &[PreparedPrim]) -> Option<Warning> {
     let mut coarse = prims.iter().filter(|prim| prim.objects.coarsened);
     let first = coarse.next()?;
+    // How many others there are changes from view to view, and with it what was told before.
     let text = match coarse.count() {
-        0 => "needs more micropolygons than a prim may have; it is diced more coarsely".to_owned(),
-        more => format!(
-            "{} prims need more micropolygons than a prim may have; they are diced more coarsely",
-            more + 1
-        ),
+        0 => "needs more micropolygons than a prim may have; it is diced more coarsely",
+        _ => {
+            "this prim and others need more micropolygons than a prim may have; they are diced more coarsely"
+        }
     };
     Some(Warning::new(&first.path, Code::Budget, text))
 }

@@ -1,5 +1,7 @@
 //! Batch ray queries in world space, for tools and tests.
 
+use std::sync::atomic::AtomicBool;
+
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
@@ -48,6 +50,9 @@ impl Prepared {
     /// Traces `rays` in parallel; `hits` are overwritten. Slices of different length are traced as
     /// far as the shorter goes.
     pub fn trace_world(&self, rays: &[WorldRay], hits: &mut [WorldHit]) {
+        if !self.world.has_tree() {
+            self.world.make_trees(&AtomicBool::new(false));
+        }
         rays.par_iter()
             .zip(hits.par_iter_mut())
             .with_min_len(256)

@@ -11,7 +11,7 @@ use std::sync::{Arc, OnceLock};
 use glam::Vec3;
 
 use super::object_ray::{SLAB_PAD, TINY_PAD};
-use crate::alone::alone;
+use crate::alone::alone_or;
 use crate::bvh::{LinearBox, ObjectGeometry};
 use crate::grid::DicedMesh;
 
@@ -66,9 +66,8 @@ impl Deferred {
     pub fn object(&self) -> &Arc<ObjectGeometry> {
         self.made.get_or_init(|| {
             let make = Arc::clone(&self.make);
-            let made = alone(move || make());
-            // Without a thread there is no memory either.
-            Arc::new(made.unwrap_or_else(|_| ObjectGeometry::new(DicedMesh::default())))
+            let nothing = || ObjectGeometry::new(DicedMesh::default());
+            Arc::new(alone_or(move || make(), nothing))
         })
     }
 

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::instance::{Bounded, InstanceTransform};
 use super::places::{InstanceSet, Record, Shift};
 use super::sides::Culled;
-use crate::alone::alone;
+use crate::alone::alone_or;
 use crate::bvh::build::{Item, NEVER, Nodes, build_items};
 use crate::bvh::{BvhStats, LinearBox, LinearSlabs, ObjectGeometry, StaticSlabs, Tree};
 
@@ -361,10 +361,16 @@ impl World {
             let items = (0..self.set_of.len()).map(|i| self.item(i, &mut scratch));
             let items = items.filter(|item| item.bounds != LinearBox::EMPTY);
             let items: Vec<Item> = items.collect();
-            // Without a thread there is no memory either.
-            let tops = alone(move || Tops::new(items, &NEVER));
-            tops.unwrap_or_else(|_| Tops::new(Vec::new(), &NEVER))
+            alone_or(
+                move || Tops::new(items, &NEVER),
+                || Tops::new(Vec::new(), &NEVER),
+            )
         })
+    }
+
+    /// True where the tree over instances is there.
+    pub fn has_tree(&self) -> bool {
+        self.tops.get().is_some()
     }
 
     /// Makes all trees that were left for later, in parallel, before rays ask for one after the other; until `cancel` is

@@ -76,6 +76,7 @@ impl Forest {
             && self.numbers == other.numbers
             && self.starts == other.starts
             && self.items == other.items
+            && self.blocks == other.blocks
             && keys(self) == keys(other)
             && self.firsts().eq(other.firsts())
     }
