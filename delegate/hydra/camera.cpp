@@ -4,8 +4,10 @@
 #include "renderParam.h"
 #include "samples.h"
 
+#include "pxr/imaging/hd/cameraSchema.h"
 #include "pxr/imaging/hd/renderIndex.h"
 #include "pxr/imaging/hd/sceneDelegate.h"
+#include "pxr/imaging/hd/xformSchema.h"
 
 #include <cmath>
 
@@ -113,6 +115,7 @@ void HdTrapezeCamera::Sync(HdSceneDelegate* delegate, HdRenderParam* renderParam
     if (!param.Session()) {
         return;
     }
+    _observer = dynamic_cast<HdSceneIndexObserver*>(delegate);
     bool const created = _id == 0;
     if (created && !param.Edit(trz_camera_create(param.Session(), id.GetText(), &_id), id)) {
         return;
@@ -153,6 +156,17 @@ void HdTrapezeCamera::Sync(HdSceneDelegate* delegate, HdRenderParam* renderParam
         desc.lens_samples = lens.data();
         desc.lens_sample_count = lens.size();
         param.Edit(trz_camera_set(param.Session(), _id, &desc), id);
+    }
+}
+
+// As HdTrapezeRenderParam marks prims: those of scene indices by their observer.
+void HdTrapezeCamera::SampleAgain(HdRenderIndex& index) const {
+    if (_observer && !HdTrapezeRenderParam::IsOfDelegate(index, GetId())) {
+        HdDataSourceLocatorSet const locators = {HdXformSchema::GetDefaultLocator(),
+                                                 HdCameraSchema::GetDefaultLocator()};
+        _observer->PrimsDirtied(*index.GetTerminalSceneIndex(), {{GetId(), locators}});
+    } else {
+        index.GetChangeTracker().MarkSprimDirty(GetId(), DirtyTransform | DirtyParams);
     }
 }
 

@@ -5,9 +5,12 @@
 
 #include "pxr/base/gf/interval.h"
 #include "pxr/imaging/hd/camera.h"
+#include "pxr/imaging/hd/sceneIndex.h"
 #include "pxr/pxr.h"
 
 PXR_NAMESPACE_OPEN_SCOPE
+
+class HdRenderIndex;
 
 /// A camera, with the shutter that motion is sampled for.
 class HdTrapezeCamera final : public HdCamera {
@@ -28,8 +31,12 @@ public:
     /// What its motion was sampled for.
     GfInterval const& Sampled() const { return _sampled; }
 
+    /// Has it synced again, for the shutter that is wanted now.
+    void SampleAgain(HdRenderIndex& index) const;
+
 private:
     trz_id _id = 0;
+    HdSceneIndexObserver* _observer = nullptr;
     GfInterval _sampled;
 };
 

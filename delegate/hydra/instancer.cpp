@@ -169,10 +169,7 @@ void HdTrapezeInstancer::Sync(HdSceneDelegate* delegate, HdRenderParam* renderPa
         _placesChanged = true;
         _primvars.Sync(HdTrapezePrimvars::Of::Instances, id, _id, {}, delegate, param);
     }
-    if (created || (bits & HdChangeTracker::DirtyVisibility)) {
-        bool const visible = delegate->GetVisible(id);
-        param.Edit(trz_prim_set_visible(param.Session(), _id, visible), id);
-    }
+    // Whether instances are visible is told with their prims, and in lists of instances.
     *dirtyBits &= ~HdChangeTracker::AllSceneDirtyBits;
 }
 

@@ -119,7 +119,7 @@ void HdTrapezeRenderBuffer::_Update() {
         return;
     }
     bool const hasStencil = _format == HdFormatFloat32UInt8;
-    VtValue const value = hasStencil && _clear.IsHolding<HdDepthStencilType>()
+    VtValue const value = _clear.IsHolding<HdDepthStencilType>()
                               ? VtValue(_clear.UncheckedGet<HdDepthStencilType>().first)
                               : _clear;
     HdTrapezeNumbers clear;

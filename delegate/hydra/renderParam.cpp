@@ -5,8 +5,6 @@
 
 #include "pxr/base/tf/diagnostic.h"
 #include "pxr/base/tf/stringUtils.h"
-#include "pxr/imaging/hd/camera.h"
-#include "pxr/imaging/hd/cameraSchema.h"
 #include "pxr/imaging/hd/extComputationPrimvarsSchema.h"
 #include "pxr/imaging/hd/primvarsSchema.h"
 #include "pxr/imaging/hd/renderIndex.h"
@@ -182,17 +180,6 @@ bool HdTrapezeRenderParam::_MarkDirty(HdRenderIndex& index, HdDirtyBits bits, So
         _TellObserver(index, entries);
     }
     return any;
-}
-
-void HdTrapezeRenderParam::MarkCameraDirty(HdRenderIndex& index, SdfPath const& id) const {
-    if (IsOfDelegate(index, id)) {
-        index.GetChangeTracker().MarkSprimDirty(id,
-                                                HdCamera::DirtyTransform | HdCamera::DirtyParams);
-    } else {
-        _TellObserver(
-            index,
-            {{id, {HdXformSchema::GetDefaultLocator(), HdCameraSchema::GetDefaultLocator()}}});
-    }
 }
 
 bool HdTrapezeRenderParam::MarkMotionDirty(HdRenderIndex& index, Source source) const {

@@ -86,9 +86,6 @@ public:
     /// Whether there are prims of scene delegates.
     bool HasDelegates(HdRenderIndex const& index) const;
 
-    /// Has a camera synced again.
-    void MarkCameraDirty(HdRenderIndex& index, SdfPath const& id) const;
-
     /// Time codes a second, for velocities that there are. Says once where they are a guess.
     double TimeCodesPerSecond();
 

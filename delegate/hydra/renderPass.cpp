@@ -144,14 +144,19 @@ bool HdTrapezeRenderPass::_SampleMotion() {
     return param.SetTimeCodesPerSecond(rate, told || set > 0.0, index) || sampled;
 }
 
+// True where a camera lacks samples of the shutter that the host asks for: it is synced again.
+bool HdTrapezeRenderPass::_LacksShutter(HdTrapezeCamera const& camera) {
+    bool const lacks = !camera.Sampled().Contains(_delegate->Settings().Shutter());
+    if (lacks) {
+        camera.SampleAgain(*GetRenderIndex());
+    }
+    return lacks;
+}
+
 // Older hosts sample motion for the shutter of one camera of their choice, which is the one that
 // renders when prims are synced. True where samples lack some of its shutter.
 bool HdTrapezeRenderPass::_LacksSamples(HdTrapezeCamera const& camera) {
     HdRenderIndex& index = *GetRenderIndex();
-    if (!camera.Sampled().Contains(_delegate->Settings().Shutter())) {
-        _delegate->Param().MarkCameraDirty(index, camera.GetId());
-        return true;
-    }
     GfInterval const shutter = camera.Shutter();
     if (!shutter.Contains(_delegate->Settings().Shutter()) &&
         _delegate->Param().HasDelegates(index)) {
@@ -231,6 +236,7 @@ HdTrapezeProducts HdTrapezeRenderPass::_Products(HdTrapezeRenderSettings const& 
         settings.keep_finer = own.keep_finer;
         auto const* const camera = static_cast<HdTrapezeCamera const*>(
             index.GetSprim(HdPrimTypeTokens->camera, product.cameraPath));
+        _resyncing |= camera && _LacksShutter(*camera);
         products.Add(product, camera, settings, param.Session());
     }
     return products;
@@ -255,6 +261,7 @@ void HdTrapezeRenderPass::_Execute(HdRenderPassStateSharedPtr const& state,
     if (!_MakeView(*state, prim, &settings, &aovs)) {
         return;
     }
+    _resyncing = _LacksShutter(*camera);
     // Of hosts that want files.
     HdTrapezeProducts const products =
         prim && !_delegate->IsInteractive() ? _Products(*prim, settings) : HdTrapezeProducts();
@@ -268,7 +275,7 @@ void HdTrapezeRenderPass::_Execute(HdRenderPassStateSharedPtr const& state,
     // Only here is it known what renders. What has to be synced for it again is at the next call.
     bool const wants = param.WantPrimvars(primvars, index);
     bool const samples = _SampleMotion();
-    _resyncing = _LacksSamples(*camera) || wants || samples;
+    _resyncing |= _LacksSamples(*camera) || wants || samples;
     if (_resyncing) {
         return;
     }

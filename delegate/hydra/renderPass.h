@@ -33,6 +33,7 @@ protected:
 private:
     void _Include(TfTokenVector const& tags);
     bool _SampleMotion();
+    bool _LacksShutter(HdTrapezeCamera const& camera);
     bool _LacksSamples(HdTrapezeCamera const& camera);
     bool _MakeView(HdRenderPassState const& state, HdTrapezeRenderSettings const* prim,
                    trz_settings* settings, std::vector<char const*>* aovs);

@@ -86,10 +86,17 @@ bool _Set(trz_settings* settings, TfToken const& key, VtValue const& value) {
 
 bool HdTrapezeSettingsLayer::Set(TfToken const& key, VtValue const& value, std::string* why) {
     _Setting const* const setting = _Find(key);
-    bool const hadOpinion = _values.erase(key) > 0;
+    _values.erase(key);
     if (!setting || (_owner != Owner::Host && !setting->isOfPrims)) {
-        *why = key.GetString() + " is no setting of this renderer; it is ignored";
+        *why = key.GetString() +
+               (setting ? " is the host's to set" : " is no setting of this renderer") +
+               "; it is ignored";
         return false;
+    }
+    // A host that begins with a default has no opinion of its own: prims may have one.
+    if (_owner != Owner::Host || setting->fallback.IsEmpty() ||
+        VtValue::CastToTypeOf(value, setting->fallback) != setting->fallback) {
+        _opinions.insert(key);
     }
     trz_settings trial = HdTrapezeDefaultSettings();
     if (!_Set(&trial, key, value)) {
@@ -103,9 +110,7 @@ bool HdTrapezeSettingsLayer::Set(TfToken const& key, VtValue const& value, std::
                ", which cannot be: " + trz_last_error() + "; " + used;
         return false;
     }
-    // A host that begins with a default has no opinion of its own: prims may have one.
-    if (_owner != Owner::Host || hadOpinion || setting->fallback.IsEmpty() ||
-        VtValue::CastToTypeOf(value, setting->fallback) != setting->fallback) {
+    if (_opinions.count(key)) {
         _values[key] = value;
     }
     return true;

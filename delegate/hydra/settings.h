@@ -10,6 +10,7 @@
 #include "pxr/pxr.h"
 
 #include <map>
+#include <set>
 #include <string>
 
 PXR_NAMESPACE_OPEN_SCOPE
@@ -33,6 +34,8 @@ public:
 private:
     Owner _owner;
     std::map<TfToken, VtValue> _values;
+    /// What it ever said something about.
+    std::set<TfToken> _opinions;
 };
 
 /// The library's defaults, with the ends of a shutter for hosts that override the camera's.

@@ -97,7 +97,7 @@ impl Layout {
         let given = image.components;
         let over = is_color && given == 4 && self.clear.len() >= 3;
         let over = over && self.clear.iter().any(|&c| c != 0.0);
-        let rows = data.chunks_exact_mut(self.width as usize * self.pixel_size());
+        let rows = data.chunks_exact_mut((self.width as usize * self.pixel_size()).max(1));
         for (row, out) in (0_i64..).zip(rows) {
             let down = match self.bottom_up {
                 true => i64::from(self.height) - 1 - row,
@@ -122,8 +122,9 @@ impl Layout {
                 }
                 if over {
                     let behind = 1.0 - pixel[3];
+                    // Nothing of what is no number either, where nothing is seen of it.
                     for (value, clear) in pixel.iter_mut().zip(&self.clear) {
-                        *value += behind * clear;
+                        *value += if behind == 0.0 { 0.0 } else { behind * clear };
                     }
                 } else if given == 3 {
                     pixel[3] = 1.0;

@@ -240,7 +240,7 @@ impl Inner {
                 if has_files && state.finished < state.wanted {
                     drop(state);
                     let text = "the host is gone before all its products are written";
-                    self.session.with_log(|| tracing::info!("{text}"));
+                    self.session.with_log(|| tracing::warn!("{text}"));
                 }
                 return;
             }

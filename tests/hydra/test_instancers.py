@@ -237,3 +237,88 @@ def test_several_values_for_each_instance(host):
     assert ran.warnings == [("/i", text)]
     image = ran.image("view.exr")
     np.testing.assert_array_equal(image[..., 0], image[..., 1])
+
+
+HIDDEN_NATIVE = """#usda 1.0
+def Camera "cam" {
+    double3 xformOp:translate = (0, 0, 30)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+}
+def Xform "left" (
+    instanceable = true
+    references = </part>
+) {
+    token visibility = "invisible"
+    double3 xformOp:translate = (-2, 0, 0)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+}
+def Xform "right" (
+    instanceable = true
+    references = </part>
+) {
+    double3 xformOp:translate = (2, 0, 0)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+}
+class Xform "part" {
+    def Sphere "s" {
+    }
+}
+"""
+
+
+def halves(ran, name):
+    """How much of the image's left and of its right half is covered."""
+    alpha = read_exr(ran.folder / name)["A"]
+    return [half.mean() > 0.001 for half in np.array_split(alpha, 2, axis=1)]
+
+
+def test_a_native_instance_that_is_hidden_hides_no_other(host, tmp_path):
+    scene = tmp_path / "natives.usda"
+    scene.write_text(HIDDEN_NATIVE)
+    ran = host.run(
+        """stage = Usd.Stage.Open(scene)
+view = View(stage, "/cam", size=(48, 32), samples=4)
+for i, (left, right) in enumerate([(0, 1), (1, 1), (1, 0), (0, 0), (0, 1)]):
+    for path, shown in (("/left", left), ("/right", right)):
+        attribute = UsdGeom.Imageable(stage.GetPrimAtPath(path)).CreateVisibilityAttr()
+        attribute.Set("inherited" if shown else "invisible")
+    view.render()
+    view.save(f"{i}.exr")""",
+        scene=scene,
+    )
+    assert [halves(ran, f"{i}.exr") for i in range(5)] == [
+        [False, True],
+        [True, True],
+        [True, False],
+        [False, False],
+        [False, True],
+    ]
+
+
+def test_visibility_of_an_instancer_changes_from_frame_to_frame(host, tmp_path):
+    scene = tmp_path / "points.usda"
+    scene.write_text(
+        """#usda 1.0
+def Camera "cam" {
+    double3 xformOp:translate = (0, 0, 30)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+}
+def PointInstancer "i" {
+    point3f[] positions = [(-2, 0, 0), (2, 0, 0)]
+    int[] protoIndices = [0, 0]
+    rel prototypes = </i/a>
+    token visibility.timeSamples = { 1: "invisible", 2: "inherited" }
+    def Sphere "a" {
+    }
+}
+"""
+    )
+    ran = host.run(
+        """stage = Usd.Stage.Open(scene)
+view = View(stage, "/cam", size=(48, 32), samples=4)
+for i, frame in enumerate([1.0, 2.0, 1.0, 2.0]):
+    view.render(frame)
+    view.save(f"{i}.exr")""",
+        scene=scene,
+    )
+    assert [halves(ran, f"{i}.exr") for i in range(4)] == [[False, False], [True, True]] * 2

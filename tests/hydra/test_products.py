@@ -248,3 +248,53 @@ def test_purposes_are_the_hosts(host):
     ran = host.run(RECORD, scene=SCENES / "products.usda", over=over)
     assert [path for path, _ in ran.warnings] == ["/Render/Settings"]
     assert "names render, which the host leaves out" in ran.warnings[0][1]
+
+
+def test_cameras_of_products_know_a_shutter_that_is_set_later(index_host, tmp_path):
+    scene = tmp_path / "moving_camera.usda"
+    scene.write_text(
+        """#usda 1.0
+def Camera "cam" {
+    double3 xformOp:translate = (0, 0, 20)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+}
+def Camera "moving" {
+    double3 xformOp:translate.timeSamples = { 0: (-6, 0, 20), 2: (6, 0, 20) }
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+}
+def Sphere "s" {
+}
+def Scope "Render" {
+    def RenderSettings "Settings" {
+        rel camera = </cam>
+        rel products = </Render/P>
+        uniform int2 resolution = (64, 64)
+    }
+    def RenderProduct "P" {
+        rel camera = </moving>
+        token productName = "p.exr"
+        uniform int2 resolution = (64, 64)
+        rel orderedVars = </Render/V>
+    }
+    def RenderVar "V" {
+        token dataType = "color4f"
+        string sourceName = "Ci"
+    }
+}
+"""
+    )
+    ran = index_host.run(
+        """import shutil
+stage = Usd.Stage.Open(scene)
+view = View(stage, "/cam", interactive=False, samples=16)
+view.engine.SetActiveRenderSettingsPrimPath("/Render/Settings")
+view.render()
+shutil.move("p.exr", "sharp.exr")
+view.set(overrideShutter=True, shutterOpen=-0.5, shutterClose=0.5)
+view.render()""",
+        scene=scene,
+    )
+    columns = [
+        (read_exr(ran.folder / n)["A"] > 0).any(axis=0).mean() for n in ("sharp.exr", "p.exr")
+    ]
+    assert columns[0] < 0.4 and columns[1] > 0.6

@@ -139,8 +139,8 @@ def test_prims_with_too_many_micropolygons_are_told_of_together(host):
     view.render()
     """,
     )
-    text = "this prim and others need more micropolygons than a prim may have; they are diced more coarsely"
-    assert ran.warnings == [("/x", f"{text} (budget)")]
+    text = "this prim and others need more micropolygons than a prim may have; "
+    assert ran.warnings == [("/x", f"{text}they are diced more coarsely (budget)")]
 
 
 def blurred(ran, count):

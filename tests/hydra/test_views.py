@@ -282,3 +282,17 @@ def test_images_are_saved_as_exr_alone(delegate_host):
     ran = delegate_host.run(script, scene=SCENES / "still.usda")
     assert not ran.told["saved"] and not (ran.folder / "view.jpg").exists()
     assert "view.jpg must end in .exr" in ran.log
+
+
+def test_another_shutter_where_nothing_is_shown(host, tmp_path):
+    """It is the camera that has to be synced again, and there is no prim to ask for it."""
+    scene = tmp_path / "empty.usda"
+    scene.write_text('#usda 1.0\ndef Camera "cam" {\n}\n')
+    host.run(
+        """stage = Usd.Stage.Open(scene)
+view = View(stage, "/cam", size=(48, 32), samples=4)
+view.render()
+view.set(overrideShutter=True, shutterOpen=-0.5, shutterClose=0.5)
+view.render(timeout=10)""",
+        scene=scene,
+    )

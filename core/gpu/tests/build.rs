@@ -847,7 +847,7 @@ fn not_refitted(tracer: &Tracer) -> Result<(), Failed> {
     agree(tracer, &world, &scene, 300)?;
     // One item each, a loose group or a block: those of what moves lie behind it.
     let floor = |rate: (u16, u16)| {
-        let floor = mesh(&[rate], &[0.0], |_, u, v, _| Vec3::new(u, v, 0.0));
+        let floor = trace_scenes::mesh(&[rate], &[0.0], |_, u, v, _| Vec3::new(u, v, 0.0));
         let still = instance(&object(floor), InstanceTransform::Translation(DVec3::ZERO));
         let moving = instance(
             &object(patches(6, 16, &keys(2), 3)),

@@ -117,7 +117,7 @@ class Options:
         )
         require(1 <= self.samples <= 1 << 20, "Samples must be from 1 to 1048576 a pixel.")
         require(
-            0.01 <= self.shading_rate <= 1000.0,
+            np.float32(0.01) <= np.float32(self.shading_rate) <= 1000.0,
             "The shading rate must be from 0.01 to 1000 pixels.",
         )
         require(self.filter in FILTERS, f"The filter must be one of {', '.join(FILTERS)}.")

@@ -120,7 +120,9 @@ impl Value<'_> {
             Value::Real(real) => real,
             _ => return Err("it must be a number".to_owned()),
         };
-        match range.contains(&real) {
+        // Hosts may hold it in 32 bits, where an end such as 0.01 is another number.
+        let ends = *range.start() as f32..=*range.end() as f32;
+        match range.contains(&real) || ends.contains(&(real as f32)) {
             true => Ok(real),
             false => Err(format!(
                 "it must be from {} to {}",
