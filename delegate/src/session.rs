@@ -724,3 +724,46 @@ fn render_all(
         false => State::Finished,
     });
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::AtomicU32;
+
+    use glam::Vec3;
+    use hdtrapeze_core::surface::{Channel, LimitSurface, MeshTopology, SurfaceError};
+
+    use super::*;
+
+    struct NoSubdivision;
+
+    impl SubdivisionFactory for NoSubdivision {
+        fn create(
+            &self,
+            _: &MeshTopology,
+            _: &[Vec<Vec3>],
+            _: Vec<Channel>,
+        ) -> Result<Box<dyn LimitSurface>, SurfaceError> {
+            Err(SurfaceError::Library("not needed here".to_owned()))
+        }
+    }
+
+    #[test]
+    fn what_is_given_up_begins_nothing() {
+        let session = Session::new(Box::new(NoSubdivision));
+        let camera = session.create(Kind::Camera, "/camera").unwrap();
+        session.seal();
+        let start = |is_given_up: &dyn Fn() -> bool| {
+            let settings = RenderSettings::default();
+            session.start_sealed(Some(camera), &settings, is_given_up)
+        };
+        // Before it begins: its edits are the next render's.
+        assert!(matches!(start(&|| true), Err(Error::Cancelled)));
+        assert_eq!(lock(&session.edits).all().len(), 1);
+        // As it begins, where an interrupt came too early to cancel it.
+        let asked = AtomicU32::new(0);
+        let given_up = start(&|| asked.fetch_add(1, Ordering::Relaxed) > 0);
+        assert!(matches!(given_up, Err(Error::Cancelled)));
+        assert!(lock(&session.edits).all().is_empty());
+        assert!(start(&|| false).is_ok());
+    }
+}
