@@ -33,7 +33,8 @@ impl Orderer {
         }
     }
 
-    /// The places of `len` rays in the order of their keys, which their times are part of where something `moves`; and the seconds that the device took where that is asked for and it can tell.
+    /// The places of `len` rays in the order of their keys, which their times are part of where something `moves`; and the
+    /// seconds that the device took where that is asked for and it can tell.
     ///
     /// # Errors
     /// They are more than the device takes at once, or it is lost.

@@ -201,6 +201,7 @@ impl ObjectGeometry {
     pub fn mesh(&self) -> &PlanarMesh {
         &self.mesh
     }
+
     /// The tree, which is made where it was left for later: on a thread of its own, for which others that ask wait.
     #[inline]
     pub fn blas(&self) -> &Blas {
@@ -209,6 +210,7 @@ impl ObjectGeometry {
             None => self.made_alone(),
         }
     }
+
     #[cold]
     fn made_alone(&self) -> &Blas {
         let (blas, _) = self.tree.get_or_init(|| {
@@ -217,6 +219,7 @@ impl ObjectGeometry {
         });
         blas
     }
+
     /// Makes the tree, in parallel, where it was left for later. Nobody waits for it meanwhile: who needs it at once makes
     /// another, of the same bits.
     pub fn make_tree(&self) {
@@ -225,10 +228,12 @@ impl ObjectGeometry {
             let _ = self.tree.set(tree_of(&self.mesh));
         }
     }
+
     /// True where the tree is there.
     pub fn has_tree(&self) -> bool {
         self.tree.get().is_some()
     }
+
     /// Axis-aligned bounds of all micropolygons over time, in the mesh's space relative to its
     /// origin; [`LinearBox::EMPTY`] when there are none.
     pub fn bounds(&self) -> &LinearBox {
