@@ -176,9 +176,9 @@ impl ObjectGeometry {
         }
     }
 
-    /// The same micropolygons with a tree of the [plain](Self::plain) kind.
+    /// The same micropolygons, without normals and channels, with a tree of the [plain](Self::plain) kind.
     pub fn made_plain(&self) -> Self {
-        Self::plain(DicedMesh::from(&*self.mesh))
+        Self::plain(self.mesh.bare())
     }
 
     fn relative(mesh: DicedMesh, found: Built) -> Self {
@@ -256,10 +256,18 @@ impl ObjectGeometry {
 
 /// The tree over a mesh that was left for later: the bits are those of [`ObjectGeometry::new`].
 fn tree_of(mesh: &PlanarMesh) -> (Blas, BvhStats) {
-    let made = ObjectGeometry::new(DicedMesh::from(mesh));
-    let tree = made.tree.into_inner();
+    let made = ObjectGeometry::new(mesh.bare());
     // It has a tree from the start.
-    tree.unwrap_or_else(|| (Blas::Static(BlockTree::EMPTY), BvhStats::default()))
+    let nothing = || (Blas::Static(BlockTree::EMPTY), BvhStats::default());
+    let (tree, stats) = made.tree.into_inner().unwrap_or_else(nothing);
+    let mesh_bytes = mesh.bytes() as u64;
+    (
+        tree,
+        BvhStats {
+            mesh_bytes,
+            ..stats
+        },
+    )
 }
 
 /// 0 for the box of nothing.

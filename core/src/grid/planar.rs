@@ -141,34 +141,6 @@ impl From<DicedMesh> for PlanarMesh {
     }
 }
 
-impl From<&PlanarMesh> for DicedMesh {
-    /// The positions again; those of grids that are not sound are zero.
-    fn from(mesh: &PlanarMesh) -> Self {
-        let mut out = DicedMesh {
-            origin: mesh.origin,
-            key_times: mesh.key_times.clone(),
-            grids: mesh.grids.clone(),
-            vertex_count: mesh.vertex_count,
-            positions: vec![Vec3::ZERO; mesh.vertex_count * mesh.key_count()],
-            normal_key_count: mesh.normal_key_count,
-            normals: mesh.normals.clone(),
-            channels: mesh.channels.clone(),
-        };
-        for g in 0..mesh.grids.len() {
-            if !out.is_sound(g) {
-                continue;
-            }
-            let n = mesh.grids[g].vertex_count();
-            let first = mesh.grids[g].first_vertex as usize * mesh.key_count();
-            let places = (0..mesh.key_count()).flat_map(|k| (0..n).map(move |i| (k, i)));
-            for (place, (k, i)) in places.enumerate() {
-                out.positions[first + place] = mesh.position(g, k, i);
-            }
-        }
-        out
-    }
-}
-
 /// Which grids are sound, and have none of the vertices of one before.
 fn sound_grids(grids: &[Grid], vertex_count: usize) -> Vec<bool> {
     let mut end = 0;
@@ -284,6 +256,29 @@ impl PlanarMesh {
             grid.first_vertex = out.vertex_count as u32;
             out.vertex_count += n;
             out.grids.push(grid);
+        }
+        out
+    }
+    /// The positions again, by themselves: those of grids that are not sound are zero, and there are no normals nor channels.
+    pub fn bare(&self) -> DicedMesh {
+        let mut out = DicedMesh {
+            origin: self.origin,
+            key_times: self.key_times.clone(),
+            grids: self.grids.clone(),
+            vertex_count: self.vertex_count,
+            positions: vec![Vec3::ZERO; self.vertex_count * self.key_count()],
+            ..DicedMesh::default()
+        };
+        for g in 0..self.grids.len() {
+            if !out.is_sound(g) {
+                continue;
+            }
+            let n = self.grids[g].vertex_count();
+            let first = self.grids[g].first_vertex as usize * self.key_count();
+            let places = (0..self.key_count()).flat_map(|k| (0..n).map(move |i| (k, i)));
+            for (place, (k, i)) in places.enumerate() {
+                out.positions[first + place] = self.position(g, k, i);
+            }
         }
         out
     }

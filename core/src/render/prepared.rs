@@ -11,8 +11,9 @@ use crate::camera::Camera;
 use crate::diagnostics::Warning;
 use crate::effects::EffectPlan;
 use crate::motion::Shutter;
-use crate::scene::{CameraDesc, PrimDesc, PrimId, RenderSettings};
+use crate::scene::{Backend, CameraDesc, PrimDesc, PrimId, RenderSettings};
 use crate::shade::{PrimShading, Source};
+use crate::trace::world::WorldStats;
 use crate::trace::{Hit, Side, Winding, World};
 
 /// A prim as rays meet it.
@@ -158,6 +159,17 @@ impl Prepared {
             if let Some(on_demand) = &prim.objects.on_demand {
                 on_demand.add_to(&mut statistics);
             }
+        }
+        // Trees that were left for later are made by now, or are not.
+        if self.settings.backend == Backend::Gpu {
+            let WorldStats {
+                object,
+                top_nodes,
+                top_bytes,
+                ..
+            } = self.world.stats();
+            statistics.bvh_bytes = object.bvh_bytes + top_bytes;
+            statistics.bvh_nodes = object.nodes + object.blocks + top_nodes;
         }
         statistics
     }
