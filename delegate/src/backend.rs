@@ -4,13 +4,31 @@ use std::sync::{Arc, Mutex, OnceLock};
 
 use hdtrapeze_core::scene::Backend;
 pub use hdtrapeze_gpu::device::{Found, Kind};
-use hdtrapeze_gpu::{Device, Stages};
+use hdtrapeze_gpu::{Device, FirstOnDevice, Stages};
 
 use crate::error::Error;
 use crate::status::lock;
 
 /// The device that is open. Where opening fails it is tried again: a driver may have come up.
 static STAGES: Mutex<Option<Arc<Stages>>> = Mutex::new(None);
+
+/// Names the first stage that a GPU runs, where those before it are to run on the CPU: to narrow a difference down to a stage.
+const FIRST_ON_GPU: &str = "HDTRAPEZE_FIRST_ON_GPU";
+
+/// The first stage that a GPU runs, as the environment has it.
+///
+/// # Errors
+/// It names no stage.
+pub fn first_on_gpu() -> Result<FirstOnDevice, Error> {
+    let Some(name) = std::env::var_os(FIRST_ON_GPU).filter(|name| !name.is_empty()) else {
+        return Ok(FirstOnDevice::default());
+    };
+    let named = name.to_str().and_then(FirstOnDevice::named);
+    named.ok_or_else(|| {
+        let all = FirstOnDevice::ALL.map(FirstOnDevice::name).join(", ");
+        Error::InvalidArgument(format!("{FIRST_ON_GPU} is none of {all}"))
+    })
+}
 
 /// All devices there are, the best first; looked for once.
 pub fn devices() -> &'static [Found] {

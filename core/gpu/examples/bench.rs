@@ -4,7 +4,7 @@
 //! cargo build --release -p hdtrapeze-gpu --example bench
 //! target/release/examples/bench [--size MILLIONS] [--image PIXELS] [--repeat TIMES] [--no-cpu]
 //! target/release/examples/bench --occlusion [--size MILLIONS] [--image PIXELS]
-//! target/release/examples/bench --frame SAMPLES
+//! target/release/examples/bench --frame SAMPLES [--from STAGE]
 //! ```
 //!
 //! Scenes of about so many million micropolygons (1): a rippling sheet, tumbling patches, fur; each still, sharp (out of focus
@@ -20,7 +20,8 @@
 //!
 //! `--frame`: an image of 1280 x 720 with so many samples a pixel, of about a million micropolygons, moving and defocused. Rays are
 //! drawn, traced, shaded and filmed there, in batches that fit; only pixels come back. Each stage is timed on its own. A first
-//! pass is held against the CPU's. Then 16 occlusion rays leave the first hit of each pixel, in order and as they stand.
+//! pass is held against the CPU's. With `--from`, stages before that one (bound, build, instances, generate, trace, shade or film)
+//! run on the CPU. Then 16 occlusion rays leave the first hit of each pixel, in order and as they stand.
 
 mod bench_frame;
 mod bench_occlusion;
@@ -63,6 +64,8 @@ struct Options {
     occlusion: bool,
     /// Samples of a frame, where that is asked for.
     frame: Option<u32>,
+    /// The first stage of the frame that the device runs.
+    from: FirstOnDevice,
 }
 
 fn options() -> Result<Options, Box<dyn Error>> {
@@ -74,6 +77,7 @@ fn options() -> Result<Options, Box<dyn Error>> {
         peaks: Peaks::default(),
         occlusion: false,
         frame: None,
+        from: FirstOnDevice::default(),
     };
     let mut arguments = std::env::args().skip(1);
     while let Some(flag) = arguments.next() {
@@ -83,6 +87,11 @@ fn options() -> Result<Options, Box<dyn Error>> {
             "--image" => options.image = value()?.parse()?,
             "--repeat" => options.repeat = value()?.parse()?,
             "--frame" => options.frame = Some(value()?.parse()?),
+            "--from" => {
+                let name = value()?;
+                let named = FirstOnDevice::named(&name);
+                options.from = named.ok_or(format!("{name} is no stage"))?;
+            }
             "--peak-gbps" => options.peaks.gbps = Some(value()?.parse()?),
             "--peak-tflops" => options.peaks.tflops = Some(value()?.parse()?),
             "--occlusion" => options.occlusion = true,
@@ -143,7 +152,7 @@ fn run() -> Result<(), Box<dyn Error>> {
     let found = device.found();
     println!("device: {}, {}, {}", found.name, found.api, found.driver);
     if let Some(samples) = options.frame {
-        return bench_frame::run(&device, samples, DIFFERENT, options.peaks);
+        return bench_frame::run(&device, (samples, options.from), DIFFERENT, options.peaks);
     }
     if options.occlusion {
         return occlusion(&device, &options);
@@ -185,8 +194,8 @@ fn run() -> Result<(), Box<dyn Error>> {
             };
             let expected = on_cpu(&world, &rays[..some]);
             for (trees, world, first) in [
-                ("CPU", &world, FirstOnDevice::Trace),
-                ("upright", &upright, FirstOnDevice::Trace),
+                ("CPU", &world, FirstOnDevice::Generate),
+                ("upright", &upright, FirstOnDevice::Generate),
                 ("device", &world, FirstOnDevice::Bound),
             ] {
                 print!(

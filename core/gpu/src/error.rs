@@ -44,6 +44,14 @@ pub enum GpuError {
     /// What this backend cannot trace.
     #[error("the GPU cannot trace {0}")]
     Unsupported(String),
+    /// All that would run on the device is what it cannot do.
+    #[error("from the stage {first} on, the GPU has nothing to do: {why}")]
+    Nothing {
+        /// The first stage that it should run.
+        first: &'static str,
+        /// What is done elsewhere, and why.
+        why: String,
+    },
     /// A stage was rejected, or failed.
     #[error("{name} failed: {why}")]
     Failed {

@@ -35,16 +35,14 @@ pub struct Stages {
 pub struct GpuFrame {
     stages: Arc<Stages>,
     scene: GpuScene,
-    /// Who makes its trees.
-    trees: FirstOnDevice,
+    /// The first stage that is run here.
+    first: FirstOnDevice,
     /// Its trees are those of the scene before, with other bounds.
     refitted: bool,
     /// Where it draws the rays of this camera.
     camera: Option<GpuCamera>,
     /// How it looks, or why the CPU shades it.
     looks: Result<GpuLooks, String>,
-    /// The first stage that is run here at most.
-    first: Stage,
     /// Seconds of each stage, where they are asked for.
     seconds: Option<Mutex<[f64; 4]>>,
 }
@@ -73,27 +71,27 @@ impl GpuFrame {
     /// # Errors
     /// It is larger than the device takes, or holds what a GPU cannot trace; or the device is lost.
     pub fn new(stages: Arc<Stages>, prepared: &Prepared) -> Result<Self, GpuError> {
-        Self::with_trees(stages, prepared, FirstOnDevice::Bound)
+        Self::starting_at(FirstOnDevice::Bound, stages, prepared)
     }
 
-    /// The same with trees by the device or by the CPU, to narrow a difference down to them.
+    /// The same with stages before `first` on the CPU, to narrow a difference down to a stage.
     ///
     /// # Errors
-    /// As [`GpuFrame::new`].
-    pub fn with_trees(
+    /// As [`GpuFrame::new`]; or the CPU does all of the stages that are left.
+    pub fn starting_at(
+        first: FirstOnDevice,
         stages: Arc<Stages>,
         prepared: &Prepared,
-        trees: FirstOnDevice,
     ) -> Result<Self, GpuError> {
         refuse_culling(prepared)?;
         let options = BuildOptions {
-            first: trees,
+            first,
             // Who keeps grids where only the camera moves edits, and may move points as well.
             refits: prepared.settings().keep_finer,
             ..BuildOptions::default()
         };
         let scene = GpuScene::build(&stages.builder, prepared.world(), &options)?;
-        Self::around(stages, scene, trees, prepared)
+        Self::around(first, stages, scene, prepared)
     }
 
     /// The same as [`GpuFrame::new`] for a scene that came after this one: trees whose grids are as they were are refitted,
@@ -106,7 +104,6 @@ impl GpuFrame {
         let Self {
             stages,
             mut scene,
-            trees,
             first,
             ..
         } = self;
@@ -118,22 +115,20 @@ impl GpuFrame {
             refitted => refitted?,
         };
         if refitted {
-            let frame = Self::around(stages, scene, trees, prepared)?;
+            let frame = Self::around(first, stages, scene, prepared)?;
             return Ok(Self {
                 refitted: true,
-                first,
                 ..frame
             });
         }
         drop(scene);
-        let frame = Self::with_trees(stages, prepared, trees)?;
-        Ok(frame.starting_at(first))
+        Self::starting_at(first, stages, prepared)
     }
 
     fn around(
+        first: FirstOnDevice,
         stages: Arc<Stages>,
         scene: GpuScene,
-        trees: FirstOnDevice,
         prepared: &Prepared,
     ) -> Result<Self, GpuError> {
         let device = stages.device();
@@ -154,22 +149,21 @@ impl GpuFrame {
                 (Some(camera), looks)
             }
         };
-        Ok(Self {
-            stages,
-            scene,
-            trees,
-            refitted: false,
-            camera,
-            looks,
-            first: Stage::Generate,
-            seconds: None,
-        })
-    }
-
-    /// The same with stages before `first` on the CPU, to narrow a difference down to a stage.
-    #[must_use]
-    pub fn starting_at(self, first: Stage) -> Self {
-        Self { first, ..self }
+        match (&looks, first > FirstOnDevice::Trace) {
+            (Err(why), true) => Err(GpuError::Nothing {
+                first: first.name(),
+                why: why.clone(),
+            }),
+            _ => Ok(Self {
+                stages,
+                scene,
+                first,
+                refitted: false,
+                camera,
+                looks,
+                seconds: None,
+            }),
+        }
     }
 
     /// The same with each stage timed.
@@ -206,10 +200,20 @@ impl GpuFrame {
 
     /// The same, and what is done there.
     pub fn explain(&self) -> String {
+        let first = self.first.of_samples();
         let done = match (&self.camera, &self.looks) {
-            (_, Ok(_)) => "draws, traces, shades and films samples".to_owned(),
-            (Some(_), Err(why)) => {
+            (_, Ok(_)) => match first {
+                Stage::Generate => "draws, traces, shades and films samples",
+                Stage::Trace => "traces, shades and films samples",
+                Stage::Shade => "shades and films samples",
+                Stage::Film => "films samples",
+            }
+            .to_owned(),
+            (Some(_), Err(why)) if first == Stage::Generate => {
                 format!("draws and traces camera rays; the CPU shades and films them: {why}")
+            }
+            (Some(_), Err(why)) => {
+                format!("traces camera rays; the CPU draws, shades and films them: {why}")
             }
             (None, Err(why)) => {
                 format!("traces camera rays; the CPU draws, shades and films them: {why}")
@@ -220,7 +224,11 @@ impl GpuFrame {
             (true, true) => "refits trees, ",
             (false, _) => "",
         };
-        format!("{}, which {trees}{done}", self.name())
+        let from = match self.first {
+            FirstOnDevice::Bound => String::new(),
+            first => format!(", from the stage {} on", first.name()),
+        };
+        format!("{}{from}, which {trees}{done}", self.name())
     }
 
     /// True where its trees are those of the scene before, with other bounds.
@@ -262,7 +270,8 @@ impl GpuFrame {
         let timed = self.seconds.is_some();
         let tiles = &GpuTiles::new(device, tiles, camera.has_time)?;
         let hits_made: Vec<layout::Hit> = made.hits.iter().map(to_layout).collect();
-        if self.first == Stage::Film {
+        let first = self.first.of_samples();
+        if first == Stage::Film {
             let hits = device.upload("hits", bytemuck::cast_slice(&hits_made))?;
             let samples = made.jobs.iter().zip(&made.colors);
             let samples = samples.map(|(job, &color)| Sample {
@@ -281,7 +290,7 @@ impl GpuFrame {
             self.took(Stage::Film, seconds);
             return Ok(());
         }
-        let rays = match self.first {
+        let rays = match first {
             Stage::Generate => self.drawn(camera, tiles)?,
             _ => {
                 let jobs = (0..).zip(&made.jobs);
@@ -294,7 +303,7 @@ impl GpuFrame {
                 device.upload("rays", bytemuck::cast_slice(&rays))?
             }
         };
-        let hits = match self.first {
+        let hits = match first {
             Stage::Shade => device.upload("hits", bytemuck::cast_slice(&hits_made))?,
             _ => self.traced(&rays, tiles.rays)?,
         };
@@ -329,8 +338,8 @@ fn refuse_culling(prepared: &Prepared) -> Result<(), GpuError> {
 impl RayTracer for GpuFrame {
     fn stages(&self) -> RangeInclusive<Stage> {
         match (&self.camera, &self.looks) {
-            (Some(_), Ok(_)) => self.first..=Stage::Film,
-            (Some(_), Err(_)) => self.first.min(Stage::Trace)..=Stage::Trace,
+            (Some(_), Ok(_)) => self.first.of_samples()..=Stage::Film,
+            (Some(_), Err(_)) => self.first.of_samples()..=Stage::Trace,
             (None, _) => Stage::Trace..=Stage::Trace,
         }
     }

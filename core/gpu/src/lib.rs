@@ -6,7 +6,8 @@
 //!
 //! [`device`] finds and opens devices, [`kernel`] compiles stages, [`scene`] lays a world out for them, [`build`] makes
 //! trees there. Stages: [`generate`] draws camera rays, [`trace`] traces rays, [`shade`] tells what their hits give, [`film`] sums that up by pixel;
-//! [`occlude`] sends rays on from hits, and tells how many meet nothing; [`frame`] runs those that core's passes need.
+//! [`occlude`] sends rays on from hits, and tells how many meet nothing; [`frame`] runs those that core's passes need, from the
+//! [`first`] on.
 #![forbid(unsafe_code)]
 
 pub mod build;
@@ -14,6 +15,7 @@ pub mod contents;
 pub mod device;
 pub mod error;
 pub mod film;
+pub mod first;
 pub mod frame;
 pub mod generate;
 pub mod kernel;
@@ -26,9 +28,10 @@ mod stack;
 pub mod tiles;
 pub mod trace;
 
-pub use build::{BuildOptions, FirstOnDevice, TreeBuilder};
+pub use build::{BuildOptions, TreeBuilder};
 pub use device::{Device, Found};
 pub use error::GpuError;
+pub use first::FirstOnDevice;
 pub use frame::{GpuFrame, Stages};
 pub use generate::{GpuCamera, RayMaker};
 pub use occlude::{Occluder, Occlusion};

@@ -306,11 +306,11 @@ impl Arrays {
 
     /// Adds all instances, and the object of each, once, by `add`, which is told the numbers of its grids in the whole,
     /// where they are not all there.
-    pub fn instances(
+    pub fn instances<'w>(
         &mut self,
-        parts: &Parts<'_>,
+        parts: &Parts<'w>,
         numbers: &[InWhole],
-        mut add: impl FnMut(&mut Self, &ObjectGeometry, Option<&[u32]>) -> Result<(), GpuError>,
+        mut add: impl FnMut(&mut Self, &'w ObjectGeometry, Option<&[u32]>) -> Result<(), GpuError>,
     ) -> Result<(), GpuError> {
         let mut known: HashMap<*const ObjectGeometry, u32> = HashMap::new();
         let objects = parts.sets().flat_map(|set| {
@@ -333,7 +333,11 @@ impl Arrays {
     }
 
     /// Adds an object; gives the entries of the stack that its tree needs.
-    fn object(&mut self, object: &ObjectGeometry, grids: Option<&[u32]>) -> Result<u32, GpuError> {
+    pub fn object(
+        &mut self,
+        object: &ObjectGeometry,
+        grids: Option<&[u32]>,
+    ) -> Result<u32, GpuError> {
         let plain;
         let object = match object.blas() {
             Blas::Relative(_) => {
@@ -476,7 +480,8 @@ impl Arrays {
         let per_block = units(block_words::<B>());
         let frames = self.frames(&blocks.tree.frames);
         for block in &blocks.blocks {
-            self.block(block, &frames);
+            let frame = frames[block.frame as usize];
+            self.nodes.extend(block_of(block, frame));
         }
         let leaf = |item: u32| match item & LOOSE {
             0 => LEAF | (first_block + item * per_block),
@@ -539,25 +544,27 @@ impl Arrays {
         }
         words.push(frames[node.frame as usize]);
         words.push(node.valid);
-        self.push(words);
+        self.nodes.extend(in_units(words));
     }
+}
 
-    fn block<B: Bounds8>(&mut self, block: &Block<B>, frames: &[u32]) {
-        let span = &block.span;
-        let rect = span.rect;
-        let mut words = lattices(&block.bounds);
-        words.push(span.grid);
-        words.push(u32::from_le_bytes([rect.i, rect.j, rect.w, rect.h]));
-        let [w, h] = span.group;
-        words.push(u32::from_le_bytes([w, h, span.columns, span.count]));
-        words.push(frames[block.frame as usize]);
-        self.push(words);
-    }
+/// A block, whose frame has this place among the words.
+pub(crate) fn block_of<B: Bounds8>(block: &Block<B>, frame: u32) -> Vec<Unit> {
+    let span = &block.span;
+    let rect = span.rect;
+    let mut words = lattices(&block.bounds);
+    words.push(span.grid);
+    words.push(u32::from_le_bytes([rect.i, rect.j, rect.w, rect.h]));
+    let [w, h] = span.group;
+    words.push(u32::from_le_bytes([w, h, span.columns, span.count]));
+    words.push(frame);
+    in_units(words)
+}
 
-    fn push(&mut self, mut words: Vec<u32>) {
-        words.resize(words.len().next_multiple_of(4), 0);
-        self.nodes.extend_from_slice(bytemuck::cast_slice(&words));
-    }
+fn in_units(mut words: Vec<u32>) -> Vec<Unit> {
+    words.resize(words.len().next_multiple_of(4), 0);
+    let (units, _) = words.as_chunks::<4>();
+    units.to_vec()
 }
 
 /// Words of the lattices of a node or block.

@@ -297,12 +297,20 @@ fn sound(tracer: &Tracer, mesh: &DicedMesh, least_hits: usize) -> Result<(), Fai
     let scene = built(tracer, &world, false)?;
     contained(tracer, &scene, &[mesh])?;
     agree(tracer, &world, &scene, least_hits)?;
-    let options = BuildOptions {
-        first: FirstOnDevice::Trace,
-        ..BuildOptions::default()
-    };
-    let host = GpuScene::build(builder(tracer), &world, &options)?;
-    contained(tracer, &host, &[mesh])?;
+    for first in [
+        FirstOnDevice::Build,
+        FirstOnDevice::Instances,
+        FirstOnDevice::Generate,
+    ] {
+        let options = BuildOptions {
+            first,
+            ..BuildOptions::default()
+        };
+        let other = GpuScene::build(builder(tracer), &world, &options)?;
+        contained(tracer, &other, &[mesh])
+            .map_err(|e| format!("from {} on: {e:?}", first.name()))?;
+        as_with_host_trees(tracer, &world, &other, RAYS, least_hits)?;
+    }
     as_with_host_trees(tracer, &world, &scene, RAYS, least_hits)
 }
 
@@ -572,7 +580,7 @@ fn pages_cost_little(tracer: &Tracer) -> Result<(), Failed> {
     ] {
         let world = world_of(mesh);
         let rays = random_rays(3000);
-        for first in [FirstOnDevice::Bound, FirstOnDevice::Trace] {
+        for first in [FirstOnDevice::Bound, FirstOnDevice::Generate] {
             let mut nodes = [0.0; 2];
             let mut pages = 0;
             for (nodes, most) in nodes.iter_mut().zip([u64::MAX, most]) {
@@ -728,7 +736,7 @@ fn tops_cost_as_much(tracer: &Tracer) -> Result<(), Failed> {
         let mut nodes = [0.0; 2];
         for (nodes, first) in nodes
             .iter_mut()
-            .zip([FirstOnDevice::Bound, FirstOnDevice::Trace])
+            .zip([FirstOnDevice::Bound, FirstOnDevice::Generate])
         {
             let options = BuildOptions {
                 first,

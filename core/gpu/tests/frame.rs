@@ -343,27 +343,34 @@ fn prepared_on(scene: &Scene, backend: Backend) -> Prepared {
     prepared(&scene)
 }
 
-/// Held against the CPU's image, with trees by the device or by the CPU, and stages before `first` on the CPU.
-fn agrees(
-    stages: &Arc<Stages>,
-    scene: &Scene,
-    trees: FirstOnDevice,
-    first: Stage,
-) -> Result<(), Failed> {
+/// Held against the CPU's image, with stages before `first` on the CPU.
+fn agrees(stages: &Arc<Stages>, scene: &Scene, first: FirstOnDevice) -> Result<(), Failed> {
     let prepared = prepared_on(scene, Backend::Gpu);
-    let frame = GpuFrame::with_trees(Arc::clone(stages), &prepared, trees)?.starting_at(first);
-    if frame.stages() != (first..=Stage::Film) {
+    let frame = GpuFrame::starting_at(first, Arc::clone(stages), &prepared)?;
+    if frame.stages() != (first.of_samples()..=Stage::Film) {
         return Err(frame.explain().into());
     }
     as_on_the_cpu(scene, &prepared, &frame, first)?;
     let made = prepared.world().stats();
     let none = (made.trees, made.top_nodes) == (0, 0);
-    // A stage after trace first: the CPU has traced.
-    let expected = trees == FirstOnDevice::Bound && first <= Stage::Trace;
-    if none != expected
-        || frame.explain().contains("makes trees") != (trees == FirstOnDevice::Bound)
+    let told = frame.explain();
+    let there = first <= FirstOnDevice::Build;
+    if none != there
+        || told.contains("makes trees") != there
+        || told.contains("from the stage") != (first != FirstOnDevice::Bound)
     {
-        return Err(format!("{} trees by the CPU; {}", made.trees, frame.explain()).into());
+        return Err(format!("{} trees by the CPU; {told}", made.trees).into());
+    }
+    Ok(())
+}
+
+/// Each stage in its turn is the first on the device.
+fn walked(stages: &Arc<Stages>, scene: &Scene) -> Result<(), Failed> {
+    for first in FirstOnDevice::ALL {
+        agrees(stages, scene, first).map_err(|e| format!("from {} on: {e:?}", first.name()))?;
+        if FirstOnDevice::named(first.name()) != Some(first) {
+            return Err(format!("{first:?} has another's name").into());
+        }
     }
     Ok(())
 }
@@ -373,7 +380,7 @@ fn as_on_the_cpu(
     scene: &Scene,
     prepared: &Prepared,
     frame: &GpuFrame,
-    first: Stage,
+    first: FirstOnDevice,
 ) -> Result<(), Failed> {
     let there = rendered(prepared, Some(frame))?;
     let here = rendered(&prepared_on(scene, Backend::Cpu), None)?;
@@ -388,7 +395,7 @@ fn as_on_the_cpu(
     }
     for aov in prepared.aovs() {
         // Where the CPU has traced, ids and places are its own.
-        let (few, close) = match (first, aov) {
+        let (few, close) = match (first.of_samples(), aov) {
             (_, Aov::SampleCount) => (0, 0.0),
             (Stage::Film, Aov::Color) => (0, SUMMED),
             (Stage::Shade, Aov::Color) => (0, CLOSE),
@@ -438,6 +445,12 @@ fn others_are_shaded_here(stages: &Arc<Stages>) -> Result<(), Failed> {
         if frame.stages() != (first..=Stage::Trace) || !told.contains(why) {
             return Err(told.into());
         }
+        // Nothing is left of it where shading should come first there.
+        let from = FirstOnDevice::Shade;
+        match GpuFrame::starting_at(from, Arc::clone(stages), &prepared) {
+            Err(error) if error.to_string().contains(why) => {}
+            other => return Err(format!("{other:?}").into()),
+        }
         let here = rendered(&prepared, None)?;
         let there = rendered(&prepared, Some(&frame))?;
         let bad = different(&there, &here, &Aov::Color, CLOSE)?;
@@ -485,7 +498,7 @@ fn edits(stages: &Arc<Stages>) -> Result<(), Failed> {
         if frame.is_refitted() != refitted {
             return Err(format!("refitted: {}, not {refitted}", frame.is_refitted()).into());
         }
-        as_on_the_cpu(&scene, &prepared, &frame, Stage::Generate)?;
+        as_on_the_cpu(&scene, &prepared, &frame, FirstOnDevice::Bound)?;
         if prepared.world().stats().trees > 0 {
             return Err("the CPU has made trees".into());
         }
@@ -510,13 +523,15 @@ fn the_cpu_goes_on() -> Result<(), Failed> {
             Err("broken".to_owned())
         }
     }
-    let expected = rendered(&prepared_on(&everything(), Backend::Cpu), None)?;
+    let here = prepared_on(&everything(), Backend::Cpu);
+    let expected = rendered(&here, None)?;
     for broken in [None, Some(Elsewhere::new(&Broken))] {
         let prepared = prepared_on(&everything(), Backend::Gpu);
         let stats = prepared.world().stats();
         if (stats.trees, stats.top_nodes) != (0, 0) {
             return Err("trees are made ahead".into());
         }
+        let before = prepared.statistics();
         let settings = prepared.settings();
         let frame = Frame::new(settings.resolution, settings.data_window, prepared.aovs())?;
         let control = RenderControl {
@@ -528,6 +543,14 @@ fn the_cpu_goes_on() -> Result<(), Failed> {
         let stats = prepared.world().stats();
         if stats.trees < stats.objects || stats.top_nodes == 0 {
             return Err("trees are missing".into());
+        }
+        let (now, known) = (prepared.statistics(), here.statistics());
+        if before.bvh_nodes != 0
+            || now.bvh_bytes <= before.bvh_bytes
+            || now.bvh_nodes != known.bvh_nodes
+            || now.geometry_bytes != known.geometry_bytes
+        {
+            return Err(format!("{now:?}, not {known:?}; {before:?} before").into());
         }
         for aov in prepared.aovs() {
             if !different(&frame, &expected, aov, 0.0)?.is_empty() {
@@ -599,27 +622,12 @@ fn main() {
     let on =
         |device: &Arc<Device>| Arc::clone(STAGES.get_or_init(|| Arc::new(Stages::new(device))));
     for (name, scene) in scenes() {
-        let by_cpu = scene.clone();
-        let run = move |device: &Arc<Device>| {
-            agrees(&on(device), &scene, FirstOnDevice::Bound, Stage::Generate)
+        let walk = ["still", "everything", "moving_instances"].contains(&name.as_str());
+        let run = move |device: &Arc<Device>| match walk {
+            true => walked(&on(device), &scene),
+            false => agrees(&on(device), &scene, FirstOnDevice::Bound),
         };
         trials.push((format!("scene_{name}"), Box::new(run)));
-        let run = move |device: &Arc<Device>| {
-            agrees(&on(device), &by_cpu, FirstOnDevice::Trace, Stage::Generate)
-        };
-        trials.push((format!("cpu_trees_{name}"), Box::new(run)));
-    }
-    for (name, scene) in [("still", stage()), ("everything", everything())] {
-        for first in [Stage::Trace, Stage::Shade, Stage::Film] {
-            let scene = scene.clone();
-            let run = move |device: &Arc<Device>| {
-                agrees(&on(device), &scene, FirstOnDevice::Bound, first)
-            };
-            trials.push((
-                format!("{name}_from_{first:?}").to_lowercase(),
-                Box::new(run),
-            ));
-        }
     }
     let edited = move |device: &Arc<Device>| edits(&on(device));
     trials.push(("edits".to_owned(), Box::new(edited)));

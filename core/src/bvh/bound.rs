@@ -57,8 +57,28 @@ pub fn bound<B: Bounds8>(
         planes,
         span,
         upright,
+        whole: false,
         kind: PhantomData,
     })
+}
+
+/// The same for a block that is not halved, whatever its halves cost. None where bounds are beyond [`COORDINATE_LIMIT`].
+pub fn bound_whole<B: Bounds8>(
+    level: Level,
+    planes: &GridPlanes<'_>,
+    span: Span,
+) -> Option<BuiltBlock<B>> {
+    let bounded = level.run(Bound {
+        planes,
+        span,
+        upright: false,
+        whole: true,
+        kind: PhantomData,
+    });
+    match bounded {
+        Bounded::Block(built) => Some(built),
+        Bounded::Halve | Bounded::Absurd => None,
+    }
 }
 
 /// Axis-aligned bounds of the [loose groups](loose) of a grid that [is bounded](is_bounded), as many as
@@ -105,6 +125,8 @@ struct Bound<'a, B> {
     planes: &'a GridPlanes<'a>,
     span: Span,
     upright: bool,
+    /// It is not halved.
+    whole: bool,
     kind: PhantomData<B>,
 }
 
@@ -117,6 +139,7 @@ impl<B: Bounds8> Kernel for Bound<'_, B> {
             planes,
             span,
             upright,
+            whole: keep,
             ..
         } = self;
         let groups = Groups::of_block(&planes.grid, &span);
@@ -137,7 +160,8 @@ impl<B: Bounds8> Kernel for Bound<'_, B> {
         let (u, v) = lattice_edges(planes, &span);
         let surface = u.cross(v).length();
         // Boxes of the halves have at least the area of the surface, more or less.
-        if halving_pays([surface, 0.0], whole)
+        if !keep
+            && halving_pays([surface, 0.0], whole)
             && let Some(areas) = half_areas(simd, &span, &best)
             && halving_pays(areas, whole)
         {

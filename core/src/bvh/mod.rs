@@ -32,6 +32,7 @@ pub mod block;
 pub mod bound;
 pub mod build;
 pub mod carrier;
+pub mod elsewhere;
 pub mod frame;
 pub mod gather;
 pub mod group8;

@@ -100,6 +100,22 @@ impl Forest {
         (u64::from(self.items) * 4 / 7) as u32
     }
 
+    /// What is known of objects and grids before anything is bounded, as `items.wgsl` has it.
+    pub fn no_facts(&self) -> Vec<i32> {
+        let none = [
+            i32::MAX,
+            i32::MAX,
+            i32::MAX,
+            i32::MIN,
+            i32::MIN,
+            i32::MIN,
+            0,
+        ];
+        let mut facts = none.repeat(self.objects.len());
+        facts.resize(facts.len() + self.starts.len().div_ceil(32), 0);
+        facts
+    }
+
     /// Bits of an axis of a Morton number: some more than are needed to tell the items of a surface apart.
     pub fn bits(&self) -> u32 {
         let needed = (u32::BITS - self.most_items.leading_zeros()) / 2 + 4;

@@ -18,9 +18,12 @@
 //! unless surface area says that they have become too bad: what a ray opens of a tree that meets its root is, about, the sum
 //! of the areas of all nodes in parts of the root's.
 //!
+//! **In parts.** Bounds may be the CPU's ([`host`]), or all trees of objects, to find out which stage a difference comes from.
+//!
 //! A tree that needs a deeper stack than there is (boxes inside boxes, mostly) is made on the CPU instead.
 
 pub(crate) mod forest;
+mod host;
 pub(crate) mod kernels;
 mod trees;
 
@@ -28,6 +31,7 @@ use std::sync::Arc;
 
 use bytemuck::cast_slice;
 use hdtrapeze_core::bvh::{LinearBox, Tree};
+use hdtrapeze_core::grid::PlanarMesh;
 use hdtrapeze_core::trace::World;
 use hdtrapeze_core::trace::piece::{InWhole, Trees as WhereTrees};
 use hdtrapeze_core::trace::world::{common, few_move};
@@ -35,8 +39,9 @@ use hdtrapeze_shaders::stage::BuildStage;
 use wgpu::BufferUsages as Usage;
 
 use super::scene::{self, Arrays, MOVES, Made, Page, Start, Unit, upload};
-use super::{Device, GpuError, GpuScene};
+use super::{Device, FirstOnDevice, GpuError, GpuScene};
 use forest::Forest;
+use host::Bounded;
 use kernels::{Clock, Kernels};
 use trees::{Places, Trees, Unmade};
 
@@ -49,20 +54,10 @@ pub struct TreeBuilder {
     kernels: Kernels,
 }
 
-/// The first stage that runs on the device; those before it run on the CPU.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum FirstOnDevice {
-    /// Bounds, and all that follows.
-    #[default]
-    Bound,
-    /// Only rays are traced there, through the CPU's trees.
-    Trace,
-}
-
 /// How a scene is made.
 #[derive(Clone, Copy, Debug)]
 pub struct BuildOptions {
-    /// Where the CPU's part ends.
+    /// Where the CPU's part ends; all trees are its own where that is after them.
     pub first: FirstOnDevice,
     /// What [`GpuScene::refit`] needs is kept.
     pub refits: bool,
@@ -84,30 +79,40 @@ impl Default for BuildOptions {
 pub(crate) enum Maker<'a> {
     /// The CPU has made them.
     Host(&'a Device),
-    /// The device; what is needed to refit them is kept, or not.
-    Device(&'a TreeBuilder, bool),
+    /// The device.
+    Device(Making<'a>),
+}
+
+/// How the device makes trees.
+#[derive(Clone, Copy)]
+pub(crate) struct Making<'a> {
+    builder: &'a TreeBuilder,
+    /// A stage before trace: those before it are the CPU's.
+    first: FirstOnDevice,
+    /// What is needed to refit them is kept.
+    keep: bool,
 }
 
 impl Maker<'_> {
     pub fn device(&self) -> &Device {
         match self {
             Maker::Host(device) => device,
-            Maker::Device(builder, _) => builder.device(),
+            Maker::Device(making) => making.builder.device(),
         }
     }
 
-    /// Whether the CPU makes trees.
+    /// Whether the CPU makes trees of objects.
     pub fn trees(&self) -> WhereTrees {
         match self {
-            Maker::Host(_) => WhereTrees::Now,
-            Maker::Device(..) => WhereTrees::Later,
+            Maker::Device(making) if making.first < FirstOnDevice::Instances => WhereTrees::Later,
+            _ => WhereTrees::Now,
         }
     }
 
     /// Lays out a page; see [`Page::new`].
     pub fn page(&self, world: &World, numbers: &[InWhole], most: u64) -> Result<Page, GpuError> {
-        if let Maker::Device(builder, keep) = self {
-            match builder.page(world, numbers, most, *keep) {
+        if let Maker::Device(making) = self {
+            match making.page(world, numbers, most) {
                 Ok(page) => return Ok(page),
                 Err(Unmade::Failed(error)) => return Err(error),
                 Err(Unmade::Deep) => {}
@@ -128,8 +133,12 @@ impl GpuScene {
         options: &BuildOptions,
     ) -> Result<Self, GpuError> {
         let maker = match options.first {
-            FirstOnDevice::Bound => Maker::Device(builder, options.refits),
-            FirstOnDevice::Trace => Maker::Host(builder.device()),
+            first if first < FirstOnDevice::Generate => Maker::Device(Making {
+                builder,
+                first,
+                keep: options.refits,
+            }),
+            _ => Maker::Host(builder.device()),
         };
         Self::made(&maker, world, options.most)
     }
@@ -169,11 +178,20 @@ pub(crate) struct Refits {
 }
 
 /// A world laid out, and the forests whose trees are to be made.
-struct Laid {
+struct Laid<'w> {
     arrays: Arrays,
-    forests: Vec<(Forest, Places)>,
-    /// The first unit after all blocks.
+    forests: Vec<Planted<'w>>,
+    /// The first unit after all blocks, and the CPU's nodes.
     end: u32,
+    /// Entries of the stack that the CPU's trees need.
+    deepest: u32,
+}
+
+/// A forest that has its places, and the meshes of its objects.
+struct Planted<'w> {
+    forest: Forest,
+    places: Places,
+    meshes: Vec<&'w PlanarMesh>,
 }
 
 /// The tree over instances: of all, or of those that do not move and, as one of its items, another of the few that do.
@@ -189,26 +207,49 @@ fn too_much() -> GpuError {
     GpuError::Unsupported("more than 2^30 units of nodes or 2^32 coordinates".to_owned())
 }
 
+/// Lays out a world whose objects have trees of the CPU.
+fn laid_with_trees<'w>(world: &'w World, numbers: &[InWhole]) -> Result<Laid<'w>, GpuError> {
+    let mut arrays = Arrays::new();
+    let mut deepest = 0;
+    arrays.instances(&world.parts(), numbers, |arrays, object, grids| {
+        deepest = deepest.max(arrays.object(object, grids)?);
+        Ok(())
+    })?;
+    let end = arrays.nodes.len() as u64;
+    Laid {
+        arrays,
+        forests: Vec::new(),
+        end: end as u32,
+        deepest,
+    }
+    .checked(end)
+}
+
 /// Lays out a world; blocks come first among the nodes.
-fn laid(world: &World, numbers: &[InWhole]) -> Result<Laid, GpuError> {
+fn laid<'w>(world: &'w World, numbers: &[InWhole]) -> Result<Laid<'w>, GpuError> {
     let mut arrays = Arrays::new();
     let parts = world.parts();
-    let mut forests = [false, true].map(|moves| Forest {
-        moves,
-        ..Forest::default()
+    let mut forests = [false, true].map(|moves| {
+        let forest = Forest {
+            moves,
+            ..Forest::default()
+        };
+        (forest, Vec::new())
     });
     arrays.instances(&parts, numbers, |arrays, object, grids| {
         let (mesh, number) = (object.mesh(), arrays.objects.len());
         arrays.mesh(mesh, grids, Tree::<()>::EMPTY, 0.0);
-        let forest = &mut forests[usize::from(mesh.is_moving())];
+        let (forest, meshes) = &mut forests[usize::from(mesh.is_moving())];
+        meshes.push(mesh);
         match forest.add(mesh, number as u32, &arrays.objects[number]) {
             true => Ok(()),
             false => Err(too_much()),
         }
     })?;
     let mut end = 0;
-    let mut placed = Vec::new();
-    for forest in forests.into_iter().filter(|forest| forest.items > 0) {
+    let mut planted = Vec::new();
+    let forests = forests.into_iter();
+    for (forest, meshes) in forests.filter(|(forest, _)| forest.items > 0) {
         let places = Places {
             blocks: end as u32,
             frames: arrays.words.len() as u32,
@@ -216,17 +257,93 @@ fn laid(world: &World, numbers: &[InWhole]) -> Result<Laid, GpuError> {
         end += u64::from(forest.block_units()) * u64::from(forest.blocks);
         let frames = 9 * forest.blocks as usize;
         arrays.words.resize(arrays.words.len() + frames, 0);
-        placed.push((forest, places));
+        planted.push(Planted {
+            forest,
+            places,
+            meshes,
+        });
     }
-    let lengths = [arrays.planes.len(), arrays.words.len()];
-    if end >= u64::from(MOVES) || lengths.iter().any(|&n| u32::try_from(n).is_err()) {
-        return Err(too_much());
-    }
-    Ok(Laid {
+    Laid {
         arrays,
-        forests: placed,
+        forests: planted,
         end: end as u32,
-    })
+        deepest: 0,
+    }
+    .checked(end)
+}
+
+impl Laid<'_> {
+    /// Refused where it has more than can be numbered; `end` is its end.
+    fn checked(self, end: u64) -> Result<Self, GpuError> {
+        let lengths = [self.arrays.planes.len(), self.arrays.words.len()];
+        match end >= u64::from(MOVES) || lengths.iter().any(|&n| u32::try_from(n).is_err()) {
+            true => Err(too_much()),
+            false => Ok(self),
+        }
+    }
+}
+
+impl Making<'_> {
+    fn page(&self, world: &World, numbers: &[InWhole], most: u64) -> Result<Page, Unmade> {
+        let Self {
+            builder,
+            first,
+            keep,
+        } = *self;
+        let (kernels, device) = (&builder.kernels, builder.device());
+        let mut clock = kernels.clock();
+        let mut laid = match first < FirstOnDevice::Instances {
+            true => laid(world, numbers)?,
+            false => laid_with_trees(world, numbers)?,
+        };
+        let planted = std::mem::take(&mut laid.forests);
+        let bounded = planted.iter().map(|planted| match first {
+            FirstOnDevice::Bound => None,
+            _ => Some(Bounded::new(planted, &mut laid.arrays.words)),
+        });
+        let bounded: Vec<Option<Bounded>> = bounded.collect();
+        let vertices = builder.vertices(&laid.arrays, most)?;
+        let mut made = Vec::new();
+        for (planted, bounded) in planted.into_iter().zip(bounded) {
+            let Planted { forest, places, .. } = planted;
+            let clock = &mut clock;
+            made.push(match bounded {
+                None => {
+                    let vertices = (&vertices[0], &vertices[1]);
+                    Trees::new(kernels, clock, forest, places, vertices)?
+                }
+                Some(bounded) => Trees::bounded(kernels, clock, forest, places, &bounded)?,
+            });
+        }
+        let tops = builder.tops(&mut clock, world)?;
+        let trees = made.iter().map(|(trees, _)| trees);
+        let nodes = builder.nodes(&laid, trees.chain(tops.trees()), most)?;
+        let host_nodes = cast_slice(&laid.arrays.nodes);
+        device.queue.write_buffer(&nodes, 0, host_nodes);
+        let mut encoder = device.device.create_command_encoder(&Default::default());
+        for (trees, blocks) in &made {
+            let unit = size_of::<Unit>() as u64;
+            let count = trees.forest.blocks * trees.forest.block_units();
+            let (to, bytes) = (u64::from(trees.places.blocks), u64::from(count) * unit);
+            encoder.copy_buffer_to_buffer(blocks, 0, &nodes, to * unit, bytes);
+        }
+        device.queue.submit([encoder.finish()]);
+        let mut trees: Vec<Trees> = made.into_iter().map(|(trees, _)| trees).collect();
+        let buffers = (nodes, vertices);
+        let (mut page, costs) =
+            builder.finished(&mut clock, world, laid, buffers, (&trees, &tops), most)?;
+        for (trees, costs) in trees.iter_mut().zip(costs) {
+            trees.costs = costs;
+        }
+        let there = first < FirstOnDevice::Instances;
+        page.made = Made {
+            there,
+            // Refits bound on the device.
+            trees: (keep && first == FirstOnDevice::Bound).then_some(Refits { forests: trees }),
+            seconds: kernels.seconds(&clock)?,
+        };
+        Ok(page)
+    }
 }
 
 impl TreeBuilder {
@@ -242,54 +359,6 @@ impl TreeBuilder {
         &self.kernels.device
     }
 
-    fn page(
-        &self,
-        world: &World,
-        numbers: &[InWhole],
-        most: u64,
-        keep: bool,
-    ) -> Result<Page, Unmade> {
-        let device = self.device();
-        let mut clock = self.kernels.clock();
-        let mut laid = laid(world, numbers)?;
-        let vertices = self.vertices(&laid.arrays, most)?;
-        let mut made = Vec::new();
-        for (forest, places) in std::mem::take(&mut laid.forests) {
-            let vertices = (&vertices[0], &vertices[1]);
-            made.push(Trees::new(
-                &self.kernels,
-                &mut clock,
-                forest,
-                places,
-                vertices,
-            )?);
-        }
-        let tops = self.tops(&mut clock, world)?;
-        let trees = made.iter().map(|(trees, _)| trees);
-        let nodes = self.nodes(&laid, trees.chain(tops.trees()), most)?;
-        let mut encoder = device.device.create_command_encoder(&Default::default());
-        for (trees, blocks) in &made {
-            let unit = size_of::<Unit>() as u64;
-            let count = trees.forest.blocks * trees.forest.block_units();
-            let (to, bytes) = (u64::from(trees.places.blocks), u64::from(count) * unit);
-            encoder.copy_buffer_to_buffer(blocks, 0, &nodes, to * unit, bytes);
-        }
-        device.queue.submit([encoder.finish()]);
-        let mut trees: Vec<Trees> = made.into_iter().map(|(trees, _)| trees).collect();
-        let buffers = (nodes, vertices);
-        let (mut page, costs) =
-            self.finished(&mut clock, world, laid, buffers, (&trees, &tops), most)?;
-        for (trees, costs) in trees.iter_mut().zip(costs) {
-            trees.costs = costs;
-        }
-        page.made = Made {
-            there: true,
-            trees: keep.then_some(Refits { forests: trees }),
-            seconds: self.kernels.seconds(&clock)?,
-        };
-        Ok(page)
-    }
-
     fn refit(&self, page: &mut Page, world: &World) -> Result<bool, GpuError> {
         let Some(Refits { forests }) = &mut page.made.trees else {
             return Ok(false);
@@ -297,12 +366,13 @@ impl TreeBuilder {
         let most = self.device().largest();
         let mut clock = self.kernels.clock();
         let mut laid = laid(world, &scene::all(world))?;
-        let now = laid.forests.iter().map(|(forest, _)| forest);
+        let now = laid.forests.iter().map(|planted| &planted.forest);
         let same = |(trees, now): (&Trees, &Forest)| trees.forest.is_alike(now);
         if forests.len() != now.len() || !forests.iter().zip(now).all(same) {
             return Ok(false);
         }
-        for (trees, (forest, places)) in forests.iter_mut().zip(laid.forests.drain(..)) {
+        for (trees, planted) in forests.iter_mut().zip(laid.forests.drain(..)) {
+            let Planted { forest, places, .. } = planted;
             trees.now_at(self.device(), forest, places);
         }
         let vertices = self.vertices(&laid.arrays, most)?;
@@ -379,7 +449,7 @@ impl TreeBuilder {
     /// A buffer for all nodes and blocks.
     fn nodes<'a>(
         &self,
-        laid: &Laid,
+        laid: &Laid<'_>,
         trees: impl Iterator<Item = &'a Trees>,
         most: u64,
     ) -> Result<wgpu::Buffer, GpuError> {
@@ -402,7 +472,7 @@ impl TreeBuilder {
         &self,
         clock: &mut Clock,
         world: &World,
-        laid: Laid,
+        laid: Laid<'_>,
         (nodes, [planes, words]): (wgpu::Buffer, [wgpu::Buffer; 2]),
         (forests, tops): (&[Trees], &Tops),
         most: u64,
@@ -410,6 +480,7 @@ impl TreeBuilder {
         let Laid {
             mut arrays,
             end: mut first,
+            mut deepest,
             ..
         } = laid;
         let mut refit = |trees: &Trees| {
@@ -418,7 +489,6 @@ impl TreeBuilder {
             outcomes
         };
         let mut costs = Vec::new();
-        let mut deepest = 0;
         for trees in forests {
             let outcomes = refit(trees)?;
             for (&number, outcome) in trees.forest.numbers.iter().zip(&outcomes) {

@@ -8,6 +8,7 @@ use hdtrapeze_shaders::stage::{BuildStage, SORT_BITS, SORT_TILE};
 use wgpu::BufferUsages as Usage;
 
 use super::forest::Forest;
+use super::host::Bounded;
 use super::kernels::{Clock, Kernels, Step, sort_steps, workgroups};
 use crate::{Device, GpuError};
 
@@ -21,7 +22,7 @@ const MOST_ROUNDS: u32 = 360;
 /// Levels that are numbered.
 const LAST_LEVEL: u32 = 254;
 /// Numbers about each object in `facts`.
-const FACTS: usize = 7;
+pub(super) const FACTS: usize = 7;
 const NONE: u32 = u32::MAX;
 
 /// Where things are in the buffers of the scene.
@@ -69,7 +70,7 @@ impl From<GpuError> for Unmade {
 }
 
 /// The integer of a float, in the order of floats; as `boxes.wgsl` has it.
-fn ordered(x: f32) -> i32 {
+pub(super) fn ordered(x: f32) -> i32 {
     let bits = x.to_bits() as i32;
     bits ^ ((bits >> 31) & 0x7fff_ffff)
 }
@@ -104,6 +105,26 @@ impl Trees {
             (planes, grids),
             (&blocks, trees.places.blocks),
         )?;
+        trees.dropped = trees.now_dropped(device)?;
+        trees.shape(kernels, clock)?;
+        Ok((trees, blocks))
+    }
+
+    /// The same where the items are bounded already.
+    pub fn bounded(
+        kernels: &Kernels,
+        clock: &mut Clock,
+        forest: Forest,
+        places: Places,
+        bounded: &Bounded,
+    ) -> Result<(Self, wgpu::Buffer), Unmade> {
+        let device = &*kernels.device;
+        let mut trees = Self::empty(device, forest, places)?;
+        let blocks = device.upload("blocks", cast_slice(&bounded.blocks))?;
+        let queue = &device.queue;
+        queue.write_buffer(&trees.boxes, 0, cast_slice(&bounded.boxes));
+        queue.write_buffer(&trees.references, 0, cast_slice(&bounded.references));
+        queue.write_buffer(&trees.facts, 0, cast_slice(&bounded.facts));
         trees.dropped = trees.now_dropped(device)?;
         trees.shape(kernels, clock)?;
         Ok((trees, blocks))
@@ -214,19 +235,8 @@ impl Trees {
         (planes, grids): (&wgpu::Buffer, &wgpu::Buffer),
         (nodes, base): (&wgpu::Buffer, u32),
     ) -> Result<(), GpuError> {
-        let none = [
-            i32::MAX,
-            i32::MAX,
-            i32::MAX,
-            i32::MIN,
-            i32::MIN,
-            i32::MIN,
-            0,
-        ];
-        let mut facts: Vec<i32> = none.repeat(self.forest.objects.len());
-        facts.resize(facts.len() + self.forest.starts.len().div_ceil(32), 0);
         let queue = &kernels.device.queue;
-        queue.write_buffer(&self.facts, 0, cast_slice(&facts));
+        queue.write_buffer(&self.facts, 0, cast_slice(&self.forest.no_facts()));
         let buffers = [
             &self.boxes,
             &self.objects,

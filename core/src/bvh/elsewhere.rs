@@ -1,0 +1,35 @@
+//! What trees that are made elsewhere, on a GPU, are made over, bounded here: grids are cut as they are there, where it follows from
+//! their rates alone. No block is halved, and all strips are loose.
+
+use hdtrapeze_simd::Level;
+
+use super::block;
+use super::bound::{BuiltBlock, bound_loose, bound_whole, is_bounded};
+use super::object::LOOSE_GRIDS;
+use super::{Bounds8, LinearBox};
+use crate::grid::PlanarMesh;
+
+/// The items of a grid.
+pub enum Items<B> {
+    /// Boxes of loose groups.
+    Loose(Vec<LinearBox>),
+    /// Blocks, whose frames have no numbers.
+    Blocks(Vec<BuiltBlock<B>>),
+}
+
+/// The items of grid `g`, which is sound; none where a vertex or a bound cannot be traced: a grid is traced whole or not at all.
+pub fn items<B: Bounds8>(mesh: &PlanarMesh, g: usize) -> Option<Items<B>> {
+    let level = Level::best();
+    let planes = mesh.grid_planes(g);
+    if !is_bounded(level, &planes) {
+        return None;
+    }
+    let (number, grid) = (g as u32, &planes.grid);
+    if (block::is_small(grid) || block::is_strip(grid)) && number < LOOSE_GRIDS {
+        let boxes = bound_loose(level, &planes)?;
+        return Some(Items::Loose(boxes[..block::loose_count(grid)].to_vec()));
+    }
+    let spans = block::cut(number, grid);
+    let blocks = spans.map(|span| bound_whole(level, &planes, span));
+    blocks.collect::<Option<_>>().map(Items::Blocks)
+}
