@@ -12,6 +12,38 @@ enum Digits {
     Decimal(usize, usize),
 }
 
+/// The places that a name has.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Places {
+    /// How many there are.
+    pub count: usize,
+    /// Decimals of the one that shows the fewest.
+    pub decimals: usize,
+}
+
+/// The places that a name has for the frame.
+pub fn places(name: &str) -> Places {
+    let mut places = Places::default();
+    let mut rest = name;
+    while let Some(first) = rest.chars().next() {
+        let Some((length, digits)) = place(rest) else {
+            rest = &rest[first.len_utf8()..];
+            continue;
+        };
+        let decimals = match digits {
+            Digits::Whole(_) => 0,
+            Digits::Decimal(_, decimals) => decimals,
+        };
+        places.decimals = match places.count {
+            0 => decimals,
+            _ => decimals.min(places.decimals),
+        };
+        places.count += 1;
+        rest = &rest[length..];
+    }
+    places
+}
+
 /// The name with every place filled in.
 pub fn expand(name: &str, frame: f64) -> String {
     let mut expanded = String::with_capacity(name.len());
@@ -96,5 +128,19 @@ mod tests {
         assert_eq!(expand("%05d.####", -1.5), "-0002.-002");
         assert_eq!(expand("%099999999999d", 3.0).len(), MOST_DIGITS);
         assert_eq!(expand("%0100d", 3.0).len(), MOST_DIGITS);
+    }
+
+    #[test]
+    fn places_are_counted() {
+        let counted = |name| {
+            let places = places(name);
+            (places.count, places.decimals)
+        };
+        assert_eq!(counted("a.exr"), (0, 0));
+        assert_eq!(counted("a.####.exr"), (1, 0));
+        assert_eq!(counted("\u{e9}.##.###.exr"), (1, 3));
+        assert_eq!(counted("<F4>"), (1, 0));
+        assert_eq!(counted("#.#_##.##_%d"), (3, 0));
+        assert_eq!(counted("#.#_##.##"), (2, 1));
     }
 }

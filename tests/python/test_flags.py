@@ -220,7 +220,7 @@ def test_a_failing_frame_leaves_the_others(scene, tmp_path, capsys):
         (["--mask", "quad"], "absolute path"),
         (["--disableDrawModes"], "Did you mean --disableDrawMode?"),
         (["--compression", "lzw"], "--compression"),
-        (["--filter-width", "99"], "filter width"),
+        (["--filter-width", "99"], "Filter width cannot be 99: it must be from 0 to 32."),
         (["--threads", "-1"], "Threads"),
     ],
 )

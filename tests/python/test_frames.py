@@ -52,6 +52,8 @@ def test_placeholders():
     assert OutputPath("a_##.#.exr").at(1.5) == "a_01.5.exr"
     assert OutputPath("a#.exr").at(123) == "a123.exr"
     assert OutputPath("a.exr").at(3) == "a.exr"
+    for name in ("a<F4>.exr", "a$F4.exr", "a%04d.exr"):
+        assert OutputPath(name).at(7) == "a0007.exr"
 
 
 @pytest.mark.parametrize(

@@ -373,7 +373,7 @@ def test_a_failing_frame_is_named(scene, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("flags", "words"),
     [
-        (["--samples", "0"], "Samples"),
+        (["--samples", "0"], "Samples cannot be 0: it must be from 1 to 1048576."),
         (["--samples", "many"], "--samples"),
         (["--shutter", "0.5", "0.1"], "before it opens"),
         (["--shutter", "0.5"], "--shutter"),
@@ -387,7 +387,7 @@ def test_a_failing_frame_is_named(scene, tmp_path, capsys):
         (["--frames", "1:5"], "placeholder"),
         (["-d", "-f", "1"], "not allowed with"),
         (["-w", "0"], "width"),
-        (["--shading-rate", "0"], "shading rate"),
+        (["--shading-rate", "0"], "Shading rate cannot be 0: it must be from 0.01 to 1000."),
         (["--disableGpu", "--backend", "gpu"], "contradict"),
         (["--camera", "a b"], "--camera"),
         (["--mask", "nonsense"], "--mask"),

@@ -6,8 +6,8 @@ import re
 import sys
 
 from . import errors
-from .curves import FORMS
-from .options import AOVS, BACKENDS, COMPRESSIONS, CULLS, FILTERS
+from .named import settings
+from .options import AOVS
 
 COMPLEXITIES = {"low": 1.0, "medium": 0.7, "high": 0.5, "veryhigh": 0.25}
 """Factor on the shading rate. Subdivision surfaces are limit surfaces at every complexity."""
@@ -215,29 +215,40 @@ def _add_usdrecord_flags(group) -> None:
     )
 
 
+def _add_setting(group, flag: str, name: str, **more) -> None:
+    """A flag of one of the renderer's settings."""
+    setting = settings()[name]
+    default = setting.default
+    if setting.kind is bool:
+        group.add_argument(flag, action="store_true", help=setting.doc)
+        return
+    if setting.kind is tuple:
+        more |= {"type": float, "nargs": 2}
+    elif setting.words:
+        more["choices"] = setting.words
+    else:
+        more["type"] = setting.kind
+    shown = default if isinstance(default, str | None) else f"{default:g}"
+    group.add_argument(flag, help=setting.doc + (f" ({shown})" if shown else ""), **more)
+
+
 def _add_render_flags(group) -> None:
     add = group.add_argument
-    add("--samples", type=int, metavar="N", help="samples a pixel (default: 64)")
-    add("--shading-rate", type=float, metavar="PIXELS", help="micropolygon edge (1)")
-    add(
-        "--shutter",
-        type=float,
-        nargs=2,
-        metavar=("OPEN", "CLOSE"),
-        help="in time codes relative to the frame, in place of the camera's",
-    )
-    add("--curves", choices=tuple(FORMS), help="what curves without normals become (auto)")
-    add("--cull", choices=tuple(CULLS), help="sides of surfaces that are not seen (none)")
-    add("--no-motion-blur", action="store_true", help="everything as at the frame's own time")
-    add("--no-defocus", action="store_true", help="a pinhole in place of the lens")
+    _add_setting(group, "--samples", "samples", metavar="N")
+    _add_setting(group, "--shading-rate", "shadingRate", metavar="PIXELS")
+    _add_setting(group, "--shutter", "shutter", metavar=("OPEN", "CLOSE"))
+    _add_setting(group, "--curves", "curves")
+    _add_setting(group, "--cull", "cull")
+    _add_setting(group, "--no-motion-blur", "disableMotionBlur")
+    _add_setting(group, "--no-defocus", "disableDepthOfField")
     add(
         "--no-occlusion-culling",
         action="store_true",
         help="dice hidden surfaces too; the image is the same",
     )
-    add("--filter", choices=tuple(FILTERS), help="pixel filter (gaussian)")
-    add("--filter-width", type=float, metavar="PIXELS", help="default: the filter's")
-    add("--seed", type=int, metavar="N", help="seed of the sample patterns (0)")
+    _add_setting(group, "--filter", "filter")
+    _add_setting(group, "--filter-width", "filterWidth", metavar="PIXELS")
+    _add_setting(group, "--seed", "seed", metavar="N")
     add(
         "--crop",
         type=_number,
@@ -252,8 +263,8 @@ def _add_render_flags(group) -> None:
         help="also render so much on each side of the image: whole numbers are pixels, others "
         "fractions of its size; in an EXR, as its data window",
     )
-    add("--threads", type=int, metavar="N", help="default: all cores")
-    add("--backend", choices=tuple(BACKENDS), help="default: auto")
+    _add_setting(group, "--threads", "threads", metavar="N")
+    _add_setting(group, "--backend", "backend")
 
 
 def _add_output_flags(group) -> None:
@@ -269,7 +280,7 @@ def _add_output_flags(group) -> None:
     pixels = group.add_mutually_exclusive_group()
     pixels.add_argument("--half", action="store_true", help="16-bit EXR pixels (default)")
     pixels.add_argument("--float", action="store_true", help="32-bit EXR pixels")
-    add("--compression", choices=COMPRESSIONS, help="of EXR files (zip)")
+    _add_setting(group, "--compression", "compression")
     add("--no-products", action="store_true", help="write only the image that is named here")
     add("--explain", action="store_true", help="print which effects are simulated, and why")
     loudness = group.add_mutually_exclusive_group()

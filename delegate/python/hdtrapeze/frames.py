@@ -1,19 +1,18 @@
-"""Frame ranges and frame numbers in file names, as usdrecord writes them.
+"""Frame ranges as usdrecord writes them, and frame numbers in file names.
 
 A frame specification is `start[:end[xstride]]`, several of them joined by commas. The output path
-then holds one placeholder: hashes, with a dot and more hashes for fractions (`###`, `###.##`).
-Names of render products also know what other delegates and their exporters write: `<F4>`, `$F4`,
-`${F4}` and `%04d`.
+then holds one placeholder: hashes, with a dot and more hashes for fractions (`###`, `###.##`), or
+what other renderers write (`<F4>`, `$F4`, `${F4}`, `%04d`). The library fills them in, as in the
+names of render products.
 """
 
 import math
 import re
 from decimal import Decimal
 
+from . import native
 from .errors import UsageError
 
-_PLACEHOLDER = re.compile(r"#+(?:\.#+)?")
-_WHOLE = re.compile(r"<F(\d?)>|\$F(\d?)|\$\{F(\d?)\}|%(?:0(\d+))?d")
 _NUMBER = r"([+-]?(?:\d+(?:\.\d*)?|\.\d+))"
 _SPEC = re.compile(rf"{_NUMBER}(?::{_NUMBER}(?:x{_NUMBER})?)?")
 
@@ -51,21 +50,13 @@ def parse_frames(specs: str) -> tuple[list[float], int]:
 
 def expand_frame(name: str, frame: float | None) -> str:
     """The name with each placeholder replaced by the frame; by 0 at the default time."""
-    frame = 0.0 if frame is None else frame
-
-    def hashes(match: re.Match) -> str:
-        return _number(match[0], frame)
-
-    def whole(match: re.Match) -> str:
-        digits = next((group for group in match.groups() if group), "1")
-        return f"{math.floor(frame):0{digits}d}"
-
-    return _PLACEHOLDER.sub(hashes, _WHOLE.sub(whole, name))
-
-
-def _number(placeholder: str, frame: float) -> str:
-    decimals = len(placeholder.partition(".")[2])
-    return f"{frame:0{len(placeholder)}.{decimals}f}"
+    code = math.nan if frame is None else frame
+    text, needed = name.encode("utf-8"), native.ffi.new("size_t *")
+    expand = native.lib().trz_frame_name
+    native.check(expand(text, code, native.ffi.NULL, 0, needed))
+    buffer = native.ffi.new("char[]", int(needed[0]))
+    native.check(expand(text, code, buffer, len(buffer), needed))
+    return native.ffi.string(buffer).decode("utf-8")
 
 
 class OutputPath:
@@ -73,25 +64,23 @@ class OutputPath:
 
     def __init__(self, path: str):
         self.path = path
-        found = _PLACEHOLDER.findall(path)
-        if len(found) > 1:
+        count, decimals = native.ffi.new("size_t *"), native.ffi.new("size_t *")
+        native.check(native.lib().trz_frame_places(path.encode("utf-8"), count, decimals))
+        if count[0] > 1:
             raise UsageError(f"{path}: more than one frame placeholder; one of them is enough.")
-        self.placeholder = found[0] if found else None
-
-    @property
-    def decimals(self) -> int:
+        self.has_placeholder = count[0] == 1
+        self.decimals: int = decimals[0]
         """Decimals that the placeholder has room for."""
-        return len((self.placeholder or "").partition(".")[2])
 
     def check(self, frames: list[float] | None, decimals: int) -> None:
         """Raises UsageError where `frames` (None: no range was given) would collide or not fit."""
         if frames is None:
-            if self.placeholder:
+            if self.has_placeholder:
                 raise UsageError(
                     f"{self.path} has a frame placeholder, but there are no frames: add --frames."
                 )
             return
-        if not self.placeholder:
+        if not self.has_placeholder:
             if len(frames) > 1:
                 raise UsageError(
                     f"{self.path} needs one placeholder for the frame number, such as ### or "
@@ -100,11 +89,9 @@ class OutputPath:
         elif self.decimals < decimals:
             raise UsageError(
                 f"{self.path}: --frames needs {decimals} decimals, so the placeholder should be "
-                f"{self.placeholder.partition('.')[0]}.{'#' * decimals}."
+                f"such as ###.{'#' * decimals}."
             )
 
     def at(self, frame: float) -> str:
         """The path of one frame."""
-        if not self.placeholder:
-            return self.path
-        return self.path.replace(self.placeholder, _number(self.placeholder, frame))
+        return expand_frame(self.path, frame)

@@ -5,15 +5,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .curves import FORMS
 from .errors import SceneError, UsageError
+from .named import settings
 
-FILTERS = {
-    "box": "BOX",
-    "gaussian": "GAUSSIAN",
-    "mitchell": "MITCHELL",
-    "blackman-harris": "BLACKMAN_HARRIS",
-}
 WINDOW_POLICIES = {
     "matchHorizontally": "MATCH_HORIZONTALLY",
     "matchVertically": "MATCH_VERTICALLY",
@@ -38,39 +32,35 @@ AOVS = (
 )
 """AOVs that the renderer knows; it warns about others."""
 
-CULLS = {
-    "none": "NONE",
-    "back": "BACK",
-    "front": "FRONT",
-    "backUnlessDoubleSided": "BACK_UNLESS_DOUBLE_SIDED",
-}
-"""Sides of surfaces that rays pass through."""
 
-COMPRESSIONS = ("none", "rle", "zips", "zip", "piz")
-PIXEL_TYPES = ("half", "float")
-BACKENDS = {"auto": "AUTO", "cpu": "CPU", "gpu": "GPU"}
+def _own(name: str):
+    """A field with the default of the renderer's setting of that name."""
+    return field(default_factory=lambda: settings()[name].default)
 
 
 @dataclass
 class Options:
-    """Everything but the stage and the frame. Checked by `validate`."""
+    """Everything but the stage and the frame. Checked by `validate`.
+
+    Fields that are settings of the renderer (see named) have its defaults, and its ranges.
+    """
 
     width: int = 960
     height: int | None = None
     """None: from the camera's aspect, as usdrecord does."""
-    samples: int = 64
-    shading_rate: float = 1.0
+    samples: int = _own("samples")
+    shading_rate: float = _own("shadingRate")
     """Micropolygon edge in pixels."""
-    shutter: tuple[float, float] | None = None
+    shutter: tuple[float, float] | None = _own("shutter")
     """In place of the camera's, in time codes relative to the frame."""
     motion_blur: bool = True
     defocus: bool = True
     aovs: list[str] = field(default_factory=lambda: ["color"])
-    filter: str = "gaussian"
-    filter_width: float = 0.0
+    filter: str = _own("filter")
+    filter_width: float = _own("filterWidth")
     """Pixels; 0 for the filter's own."""
-    seed: int = 0
-    threads: int = 0
+    seed: int = _own("seed")
+    threads: int = _own("threads")
     crop: tuple[float, float, float, float] | None = None
     """x0, y0, x1, y1, half open, y down: pixels (all int), or fractions (float)."""
     overscan: float = 0
@@ -79,10 +69,10 @@ class Options:
     data_window_ndc: tuple[float, float, float, float] | None = None
     """UsdRender's dataWindowNDC: xmin, ymin, xmax, ymax, y up, 0 to 1 is the image. A pixel whose
     centre is inside is rendered. Crop and overscan take its place."""
-    backend: str = "auto"
+    backend: str = _own("backend")
     camera: str | None = None
     purposes: list[str] = field(default_factory=lambda: ["proxy"])
-    camera_light: bool = True
+    camera_light: bool = _own("cameraLight")
     draw_modes: bool = True
     window_policy: str = "matchVertically"
     """usdrecord's: heights that follow the camera's aspect are rounded down, and kept."""
@@ -91,16 +81,17 @@ class Options:
     """Part of the shutter that is sampled; dicing still sees all of it."""
     lens_point: tuple[float, float] | None = None
     """One point of the unit lens disk for every sample."""
-    max_micropolygons: int | None = None
-    curves: str = "auto"
-    """A key of curves.FORMS: what curves without normals are rendered as."""
-    cull: str = "none"
-    """A key of CULLS."""
+    max_micropolygons: int = _own("maxMicropolygons")
+    """0 for the renderer's own."""
+    curves: str = _own("curves")
+    """What curves without normals are rendered as."""
+    cull: str = _own("cull")
+    """Sides of surfaces that rays pass through."""
     occlusion_culling: bool = True
     """Dice what may be hidden when a ray first comes near it; the image is the same without."""
-    compression: str = "zip"
+    compression: str = _own("compression")
     """Of EXR files."""
-    pixel_type: str = "half"
+    pixel_type: str = _own("pixelType")
     """Of EXR files: half, or float for 32 bits. Ids and depths have 32 in either."""
 
     def validate(self) -> None:
@@ -115,14 +106,6 @@ class Options:
             self.height is None or 1 <= self.height <= 1 << 16,
             "The image height must be from 1 to 65536 pixels.",
         )
-        require(1 <= self.samples <= 1 << 20, "Samples must be from 1 to 1048576 a pixel.")
-        require(
-            np.float32(0.01) <= np.float32(self.shading_rate) <= 1000.0,
-            "The shading rate must be from 0.01 to 1000 pixels.",
-        )
-        require(self.filter in FILTERS, f"The filter must be one of {', '.join(FILTERS)}.")
-        require(0.0 <= self.filter_width <= 32.0, "The filter width must be from 0 to 32 pixels.")
-        require(self.backend in BACKENDS, f"The backend must be one of {', '.join(BACKENDS)}.")
         require(
             self.window_policy in WINDOW_POLICIES,
             f"The window policy must be one of {', '.join(WINDOW_POLICIES)}.",
@@ -131,32 +114,17 @@ class Options:
             0.001 <= self.pixel_aspect <= 1000.0,
             "The pixel aspect ratio must be from 0.001 to 1000.",
         )
-        require(
-            self.max_micropolygons is None or 0 < self.max_micropolygons < 1 << 63,
-            "The micropolygons must be at least 1.",
-        )
-        for value, known, what in (
-            (self.compression, COMPRESSIONS, "compression"),
-            (self.pixel_type, PIXEL_TYPES, "pixel type"),
-        ):
-            require(value in known, f"The {what} must be one of {', '.join(known)}.")
-        require(0 <= self.seed < 1 << 32, "The seed must be from 0 to 4294967295.")
-        require(0 <= self.threads <= 4096, "Threads must be from 0 (all) to 4096.")
-        require(self.curves in FORMS, f"Curves must be one of {', '.join(FORMS)}.")
-        require(self.cull in CULLS, f"Culled sides must be one of {', '.join(CULLS)}.")
+        for name, value in self.named().items():
+            setting = settings()[name]
+            try:
+                setting.value(value)
+            except (TypeError, ValueError) as error:
+                what = f"{setting.title} cannot be {_shown(value)}"
+                raise UsageError(f"{what}: {error}.") from None
         require(bool(self.aovs), "At least one AOV must be asked for.")
         known = ("default", "proxy", "render", "guide")
         for purpose in self.purposes:
             require(purpose in known, f"{purpose!r} is no purpose: they are {', '.join(known)}.")
-        if self.shutter is not None:
-            opens, closes = self.shutter
-            require(
-                math.isfinite(opens) and math.isfinite(closes), "The shutter must be two numbers."
-            )
-            require(
-                opens <= closes, f"The shutter closes ({closes:g}) before it opens ({opens:g})."
-            )
-            require(abs(opens) < 1e6 and abs(closes) < 1e6, "The shutter is absurdly long.")
         if self.crop is not None:
             x0, y0, x1, y1 = self.crop
             require(x0 < x1 and y0 < y1, "The crop must have x0 < x1 and y0 < y1.")
@@ -176,6 +144,15 @@ class Options:
                 max(map(abs, self.data_window_ndc)) <= 100,
                 "The data window reaches absurdly far out of the image.",
             )
+
+    def named(self) -> dict:
+        """Values of the renderer's settings by name, but for those without one."""
+        values = {name: getattr(self, own.field, None) for name, own in settings().items()}
+        values |= {
+            "disableMotionBlur": not self.motion_blur,
+            "disableDepthOfField": not self.defocus,
+        }
+        return {name: value for name, value in values.items() if value is not None}
 
     def resolution(self, aspect: float) -> tuple[int, int]:
         """Width and height for a camera of this aspect."""
@@ -229,3 +206,9 @@ class Options:
             x0, x1 = round(x0 * width), round(x1 * width)
             y0, y1 = round(y0 * height), round(y1 * height)
         return x0, y0, min(x1, width), min(y1, height)
+
+
+def _shown(value) -> str:
+    if isinstance(value, tuple | list):
+        return " ".join(map(_shown, value))
+    return f"{value:g}" if isinstance(value, float) else str(value)

@@ -74,8 +74,7 @@ class Output:
                 kind,
                 aovs if kind == "EXR" or self.vars else ["color"],
                 facts if kind == "EXR" else {},
-                pixel_type=self.options.pixel_type.upper(),
-                compression=self.options.compression.upper(),
+                self.options.named(),
                 color="SRGB" if color == "sRGB" else "LINEAR",
                 render_vars=self.vars,
             )

@@ -7,11 +7,10 @@ from pxr import Usd, UsdGeom, UsdRender
 
 from . import native
 from .camera import CameraState, effective_shutter, find_camera, framing_camera, read_camera
-from .curves import FORMS
 from .errors import Interrupted, SceneError
 from .interrupts import ignored
 from .log import SceneLog
-from .options import BACKENDS, CULLS, FILTERS, WINDOW_POLICIES, Options
+from .options import WINDOW_POLICIES, Options
 from .passes import PassCollections
 from .primvars import wanted_primvars
 from .scene import SceneSync
@@ -116,26 +115,15 @@ class Renderer:
             "window_policy": getattr(
                 constants, f"TRZ_WINDOW_{WINDOW_POLICIES[options.window_policy]}"
             ),
-            "samples": options.samples,
-            "shading_rate": options.shading_rate,
-            "filter": getattr(constants, f"TRZ_FILTER_{FILTERS[options.filter]}"),
-            "filter_width": options.filter_width,
-            "seed": options.seed,
-            "threads": options.threads,
-            "disable_motion_blur": not options.motion_blur,
-            "disable_defocus": not options.defocus,
-            "camera_light": options.camera_light,
             "time_window": options.time_window,
             "fix_lens": options.lens_point is not None,
             "lens_point": options.lens_point or (0.0, 0.0),
-            "curves": getattr(constants, f"TRZ_CURVES_{FORMS[options.curves]}"),
-            "cull": getattr(constants, f"TRZ_CULL_{CULLS[options.cull]}"),
             "occlusion_culling": options.occlusion_culling,
-            "backend": getattr(constants, f"TRZ_BACKEND_{BACKENDS[options.backend]}"),
         }
-        if options.max_micropolygons is not None:
-            settings["max_micropolygons"] = options.max_micropolygons
-        self.session.set_settings(**settings)
+        named = options.named()
+        # The camera has it, and what moves was read for it.
+        named.pop("shutter", None)
+        self.session.set_settings(named, **settings)
         self.session.set_aovs(list(dict.fromkeys(options.aovs)))
 
     def commit(self) -> None:

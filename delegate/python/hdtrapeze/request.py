@@ -19,6 +19,7 @@ from .camera import find_camera
 from .errors import UsageError
 from .flags import COMPLEXITIES
 from .log import SceneLog
+from .named import settings as own_settings
 from .options import AOVS, Options
 from .primvars import AOV_PREFIX
 from .settings import check_unused, effect_values, image_values, purpose_values
@@ -54,7 +55,9 @@ def combine(*layers: dict, complexity: float = 1.0) -> Options:
     for layer in layers:
         values |= layer
     options = Options(**values)
-    options.shading_rate *= complexity
+    rate, least = options.shading_rate, own_settings()["shadingRate"].least
+    # As fine as can be, where the complexity asks for more; what cannot be stays so.
+    options.shading_rate = max(rate * complexity, min(rate, least))
     return options
 
 

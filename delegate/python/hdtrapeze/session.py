@@ -19,6 +19,7 @@ from .lens import LENS_ATTRIBUTES
 from .log import SceneLog
 from .mesh import BOUNDARIES, FACE_VARYING, ORIENTATIONS, SCHEMES, TRIANGLES, Topology
 from .motion import Motion
+from .named import assign, settings
 from .nurbs import Basis
 from .nurbs_curves import NurbsBasis
 from .points import Points, Samples
@@ -365,12 +366,12 @@ class Session:
 
     # Settings and rendering ----------------------------------------------------------------------
 
-    def set_settings(self, **settings) -> None:
-        """Sets every field that is named, and the renderer's defaults for the rest."""
-        value = native.new("trz_settings")
-        native.check(self._lib.trz_settings_default(value))
-        for name, setting in settings.items():
-            setattr(value, name, setting)
+    def set_settings(self, named: dict, **fields) -> None:
+        """Sets the settings that are `named` (see named.settings) and these fields of trz_settings;
+        the renderer's defaults for the rest."""
+        value = _settings(named)
+        for name, field in fields.items():
+            setattr(value, name, field)
         self._call("trz_session_set_settings", value)
 
     def set_aovs(self, names: list[str]) -> None:
@@ -451,17 +452,19 @@ class Session:
         kind: str,
         aovs: list[str],
         metadata: dict[str, str],
-        pixel_type: str = "HALF",
-        compression: str = "ZIP",
+        named: dict | None = None,
         color: str = "LINEAR",
         render_vars: Sequence[RenderVar] = (),
     ) -> None:
-        """Writes an EXR or PNG; whatever goes wrong, a file that was there stays."""
+        """Writes an EXR or PNG; whatever goes wrong, a file that was there stays.
+
+        Of the settings that are `named`, compression and pixelType say how an EXR is written.
+        """
         arrays = _Arrays()
         value = native.new("trz_image")
         value.type = self._value("IMAGE", kind)
-        value.pixel_type = self._value("PIXEL", pixel_type)
-        value.compression = self._value("COMPRESSION", compression)
+        exr = _settings(named or {})
+        value.pixel_type, value.compression = exr.pixel_type, exr.compression
         value.color = self._value("COLOR", color)
         names = [ffi.new("char[]", _text(name)) for name in aovs]
         pairs = [ffi.new("char[]", _text(str(t))) for pair in metadata.items() for t in pair]
@@ -507,6 +510,15 @@ class Session:
             len(rays),
         )
         return hits
+
+
+def _settings(named: dict):
+    """A trz_settings with the settings that are `named`, else the renderer's defaults."""
+    value = native.new("trz_settings")
+    native.check(native.lib().trz_settings_default(value))
+    for name, given in named.items():
+        assign(value, settings()[name], given)
+    return value
 
 
 def _fill_var(place, var: RenderVar, arrays: _Arrays) -> None:

@@ -1,7 +1,7 @@
 """RenderSettings and RenderProduct prims as fields of Options.
 
 A product overrides only what it authors; the settings prim also speaks through its schema's
-fallbacks. Attributes in the namespace `trapeze` are this renderer's own (see TRAPEZE), on either
+fallbacks. Attributes in the namespace `trapeze` are this renderer's own (see named), on either
 prim. What cannot be used gives one warning with the prim's path, and is as if it were not there.
 """
 
@@ -13,6 +13,7 @@ from pxr import Usd, UsdRender
 from .errors import UsageError
 from .guard import FAULTS, reason, shown
 from .log import SceneLog
+from .named import PREFIX, settings
 from .options import Options
 from .typed import Mistyped, get, warn_unknown
 
@@ -92,25 +93,8 @@ EFFECTS = {
 }
 """Attributes that switch effects off. instantaneousShutter is the old disableMotionBlur."""
 
-TRAPEZE = {
-    "samples": ("samples", _integer),
-    "shadingRate": ("shading_rate", _number),
-    "curves": ("curves", _word),
-    "cull": ("cull", _word),
-    "filter": ("filter", _word),
-    "filterWidth": ("filter_width", _number),
-    "seed": ("seed", _integer),
-    "shutter": ("shutter", _numbers(2)),
-    "cameraLight": ("camera_light", _flag),
-    "maxMicropolygons": ("max_micropolygons", _integer),
-    "compression": ("compression", _word),
-    "pixelType": ("pixel_type", _word),
-}
-"""trapeze:NAME, the field of Options that it sets, and how its value is read."""
-
-
 HOSTS_TELL = ("timeCodesPerSecond",)
-"""Names that only hosts need which do not know what a stage says."""
+"""Settings of prims that only hosts need which do not know what a stage says."""
 
 
 def image_values(prim: UsdRender.SettingsBase, log: SceneLog, fallbacks: bool = False) -> dict:
@@ -172,14 +156,15 @@ def _used(prim: Usd.Prim, fallback) -> str:
 
 def _trapeze_values(prim: Usd.Prim, log: SceneLog) -> dict:
     values = {}
-    warn_unknown(prim, [*TRAPEZE, *HOSTS_TELL], "setting of this renderer", log)
-    for attribute in prim.GetAuthoredPropertiesInNamespace("trapeze"):
-        name = attribute.GetName().removeprefix("trapeze:")
-        if isinstance(attribute, Usd.Attribute) and name in TRAPEZE:
-            field, convert = TRAPEZE[name]
-            default = getattr(Options(), field)
-            used = "it is ignored" if default is None else _used(prim, default)
-            values |= _checked(attribute, lambda v, f=field, c=convert: {f: c(v)}, used, log) or {}
+    known = {name: setting for name, setting in settings().items() if setting.of_prims}
+    warn_unknown(prim, known, "setting of this renderer", log)
+    for attribute in prim.GetAuthoredPropertiesInNamespace(PREFIX.removesuffix(":")):
+        setting = known.get(attribute.GetName().removeprefix(PREFIX))
+        if not isinstance(attribute, Usd.Attribute) or not setting or setting.name in HOSTS_TELL:
+            continue
+        used = "it is ignored" if setting.default is None else _used(prim, setting.default)
+        found = _checked(attribute, lambda v, own=setting: {own.field: own.value(v)}, used, log)
+        values |= found or {}
     return values
 
 
@@ -201,7 +186,7 @@ def _checked(attribute: Usd.Attribute, convert: Callable, used: str, log: SceneL
         why = str(error)
     except FAULTS as error:
         why = reason(error)
-        if attribute.IsCustom():
+        if attribute.IsCustom() and isinstance(error, TypeError):
             why += f", and is of the type {attribute.GetTypeName()}"
     why = why[:1].lower() + why[1:].removesuffix(".")
     text = f"{attribute.GetName()} is {shown(value)}, which cannot be: {why}; {used}"

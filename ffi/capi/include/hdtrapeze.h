@@ -915,6 +915,14 @@ typedef struct trz_setting {
   const char *label;
   // Its value where nobody has an opinion; TRZ_VALUE_NONE: none.
   struct trz_value fallback;
+  // TRZ_VALUE_*: what its values are. Where they are TRZ_VALUE_REAL, whole numbers do, too.
+  uint32_t kind;
+  // The least and the most that a number, or each of a pair, can be.
+  double range[2];
+  // The words that a text can be, with spaces between; NULL for what is no text.
+  const char *words;
+  // What it is, for helps and tool tips: a part of a sentence.
+  const char *doc;
 } trz_setting;
 
 // Settings of a render.
@@ -1659,6 +1667,23 @@ trz_result trz_setting_describe(size_t index,
 trz_result trz_settings_set(struct trz_settings *settings,
                             const char *name,
                             const struct trz_value *value);
+
+// Copies name with every place for the frame filled in: `####`, `##.##`, `<F4>`, `$F4`, `${F4}`, `%04d`. A
+// frame that is not finite, that of the default time, is shown as 0. capacity counts bytes with the
+// terminating NUL; out_needed receives what is needed, also where the buffer is too small. buffer may
+// be NULL where capacity is 0.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_BUFFER_TOO_SMALL. Threads: any.
+trz_result trz_frame_name(const char *name,
+                          double frame,
+                          char *buffer,
+                          size_t capacity,
+                          size_t *out_needed);
+
+// Counts the places for the frame that name has, and the decimals of the one that shows the fewest.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT. Threads: any.
+trz_result trz_frame_places(const char *name, size_t *out_count, size_t *out_decimals);
 
 // Says at which times a path is to be evaluated next, so that the lines between its samples keep to it:
 // writes at most `capacity` (at least 1) of them to `times`, and how many to `count`. The host adds their

@@ -5,7 +5,7 @@
 //! crate but checking, copying and translating.
 //!
 //! Layers: `constants` and `types` are what the header shows; `session`, `scene`, `instancer`, `path`,
-//! `words`, `setting`, `render`, `view` and `output` hold the exported functions; `input` reads what callers
+//! `words`, `setting`, `frame_name`, `render`, `view` and `output` hold the exported functions; `input` reads what callers
 //! pass, `convert` translates it, `fault` carries failures and catches panics.
 //!
 //! From Rust the same functions can be called directly; what the header demands of pointers is
@@ -20,6 +20,7 @@ pub mod constants;
 mod convert;
 pub mod device;
 mod fault;
+pub mod frame_name;
 mod input;
 pub mod instancer;
 pub mod output;
@@ -38,6 +39,7 @@ use hdtrapeze_osd::OsdFactory;
 
 pub use constants::*;
 pub use device::*;
+pub use frame_name::*;
 pub use instancer::*;
 pub use output::*;
 pub use path::*;

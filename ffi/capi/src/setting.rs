@@ -52,7 +52,8 @@ pub unsafe extern "C" fn trz_settings_set(
                 .iter()
                 .find(known)
                 .ok_or_else(|| Fault::new(TRZ_ERROR_NOT_FOUND, format!("{name} is no setting")))?;
-            (setting.set)(&mut changed, &value).map_err(Fault::invalid)?;
+            let value = setting.kind.check(&value).map_err(Fault::invalid)?;
+            (setting.set)(&mut changed, value);
             input::write(settings, changed, "settings")
         }
     })
@@ -105,142 +106,237 @@ impl Value<'_> {
         }
         value
     }
+}
 
-    fn whole<T: TryFrom<i64>>(&self, range: RangeInclusive<i64>) -> Result<T, String> {
-        let Value::Integer(whole) = *self else {
-            return Err("it must be a whole number".to_owned());
-        };
-        let found = T::try_from(whole).ok().filter(|_| range.contains(&whole));
-        found.ok_or_else(|| format!("it must be from {} to {}", range.start(), range.end()))
+/// What a setting can be.
+enum Kind {
+    Flag,
+    Whole(RangeInclusive<i64>),
+    Real(RangeInclusive<f64>),
+    /// Words with spaces between, in the order of the ABI's constants from the number on.
+    Word(&'static CStr, u32),
+    /// Open and close.
+    Shutter,
+}
+
+/// A value that can be: a flag, a whole number or a constant; a number or two.
+#[derive(Clone, Copy, Default)]
+struct Checked {
+    whole: i64,
+    numbers: [f64; 2],
+}
+
+impl Checked {
+    /// The range of the setting has been checked.
+    fn u32(self) -> u32 {
+        self.whole as u32
     }
 
-    fn real(&self, range: RangeInclusive<f64>) -> Result<f64, String> {
-        let real = match *self {
-            Value::Integer(whole) => whole as f64,
-            Value::Real(real) => real,
-            _ => return Err("it must be a number".to_owned()),
+    fn f64(self) -> f64 {
+        self.numbers[0]
+    }
+}
+
+impl Kind {
+    /// The value, or what "it must be".
+    fn check(&self, value: &Value<'_>) -> Result<Checked, String> {
+        let whole = |whole| Checked {
+            whole,
+            ..Checked::default()
         };
-        // Hosts may hold it in 32 bits, where an end such as 0.01 is another number.
-        let ends = *range.start() as f32..=*range.end() as f32;
-        match range.contains(&real) || ends.contains(&(real as f32)) {
-            true => Ok(real),
-            false => Err(format!(
-                "it must be from {} to {}",
-                number(*range.start()),
-                number(*range.end())
-            )),
+        match (self, *value) {
+            (Kind::Flag, Value::Bool(flag)) => Ok(whole(flag.into())),
+            (Kind::Flag, _) => Err("it must be true or false".to_owned()),
+            (Kind::Whole(range), Value::Integer(given)) => match range.contains(&given) {
+                true => Ok(whole(given)),
+                false => Err(format!(
+                    "it must be from {} to {}",
+                    range.start(),
+                    range.end()
+                )),
+            },
+            (Kind::Whole(_), _) => Err("it must be a whole number".to_owned()),
+            (Kind::Real(range), value) => Ok(Checked {
+                numbers: [real(&value, range)?, 0.0],
+                ..Checked::default()
+            }),
+            (Kind::Word(words, first), value) => {
+                let words: Vec<_> = words.to_bytes().split(|&byte| byte == b' ').collect();
+                let found = match value {
+                    Value::Text(text) => words.iter().position(|word| *word == text.to_bytes()),
+                    _ => None,
+                };
+                let found = found.map(|at| whole(i64::from(*first) + at as i64));
+                found.ok_or_else(|| {
+                    let words = words.join(&b", "[..]);
+                    format!("it must be one of {}", String::from_utf8_lossy(&words))
+                })
+            }
+            (Kind::Shutter, Value::Pair(numbers)) => Ok(Checked {
+                numbers: shutter(numbers)?,
+                ..Checked::default()
+            }),
+            (Kind::Shutter, _) => Err("it must be 2 numbers".to_owned()),
         }
     }
+}
 
-    fn flag(&self) -> Result<u32, String> {
-        match *self {
-            Value::Bool(flag) => Ok(flag.into()),
-            _ => Err("it must be true or false".to_owned()),
-        }
+fn real(value: &Value<'_>, range: &RangeInclusive<f64>) -> Result<f64, String> {
+    let real = match *value {
+        Value::Integer(whole) => whole as f64,
+        Value::Real(real) => real,
+        _ => return Err("it must be a number".to_owned()),
+    };
+    // Hosts may hold it in 32 bits, where an end such as 0.01 is another number.
+    let ends = *range.start() as f32..=*range.end() as f32;
+    match range.contains(&real) || ends.contains(&(real as f32)) {
+        true => Ok(real),
+        false => Err(format!(
+            "it must be from {} to {}",
+            number(*range.start()),
+            number(*range.end())
+        )),
     }
+}
 
-    /// One of words that are in the order of the ABI's constants, from `first` on.
-    fn word(&self, words: &[&str], first: u32) -> Result<u32, String> {
-        let found = match self {
-            Value::Text(text) => words.iter().position(|w| w.as_bytes() == text.to_bytes()),
-            _ => None,
-        };
-        found
-            .map(|at| first + at as u32)
-            .ok_or_else(|| format!("it must be one of {}", words.join(", ")))
+fn shutter(shutter @ [open, close]: [f64; 2]) -> Result<[f64; 2], String> {
+    // Also where one is no number.
+    if !(INSTANTS.contains(&open) && INSTANTS.contains(&close)) {
+        return Err("the shutter is absurdly long".to_owned());
     }
-
-    fn shutter(&self) -> Result<[f64; 2], String> {
-        let Value::Pair(shutter @ [open, close]) = *self else {
-            return Err("it must be 2 numbers".to_owned());
-        };
-        // Also where one is no number.
-        if !(open.abs() < LONGEST && close.abs() < LONGEST) {
-            return Err("the shutter is absurdly long".to_owned());
-        }
-        match close < open {
-            true => Err("the shutter closes before it opens".to_owned()),
-            false => Ok(shutter),
-        }
+    match close < open {
+        true => Err("the shutter closes before it opens".to_owned()),
+        false => Ok(shutter),
     }
 }
 
 struct Setting {
     name: &'static CStr,
     label: Option<&'static CStr>,
+    /// Of what it is for, as a help says it.
+    doc: &'static CStr,
+    kind: Kind,
     fallback: Value<'static>,
     of_prims: bool,
-    set: fn(&mut trz_settings, &Value<'_>) -> Result<(), String>,
+    set: fn(&mut trz_settings, Checked),
 }
 
 impl Setting {
     fn to_c(&self) -> trz_setting {
+        let (kind, range) = match &self.kind {
+            Kind::Flag => (TRZ_VALUE_BOOL, [0.0; 2]),
+            Kind::Whole(range) => (
+                TRZ_VALUE_INTEGER,
+                [*range.start() as f64, *range.end() as f64],
+            ),
+            Kind::Real(range) => (TRZ_VALUE_REAL, [*range.start(), *range.end()]),
+            Kind::Word(..) => (TRZ_VALUE_TEXT, [0.0; 2]),
+            Kind::Shutter => (TRZ_VALUE_PAIR, [-LONGEST, LONGEST]),
+        };
         trz_setting {
             struct_size: 0,
             of_prims: self.of_prims.into(),
             name: self.name.as_ptr(),
             label: self.label.map_or(null(), CStr::as_ptr),
             fallback: self.fallback.to_c(),
+            kind,
+            range,
+            words: match self.kind {
+                Kind::Word(words, _) => words.as_ptr(),
+                _ => null(),
+            },
+            doc: self.doc.as_ptr(),
         }
     }
 }
 
 macro_rules! settings {
-    ($($name:literal, $label:expr, $fallback:expr, $of_prims:expr, |$s:ident, $v:ident| $set:expr;)*) => {
+    ($($name:literal, $label:expr, $kind:expr, $fallback:expr, $of_prims:expr, $doc:literal,
+        |$s:ident, $v:ident| $set:expr;)*) => {
         [$(Setting {
             name: $name,
             label: $label,
+            doc: $doc,
+            kind: $kind,
             fallback: $fallback,
             of_prims: $of_prims,
-            set: |$s, $v| {
-                $set;
-                Ok(())
-            },
+            set: |$s, $v| $set,
         }),*]
     };
 }
 
+/// Any instant that is no mistake.
+const INSTANTS: RangeInclusive<f64> = -LONGEST..=LONGEST;
+
 static SETTINGS: [Setting; 20] = settings! {
-    c"trapeze:samples", Some(c"Samples per pixel"), Value::Integer(64), true,
-        |s, v| s.samples = v.whole(1..=1 << 20)?;
-    c"trapeze:shadingRate", Some(c"Shading rate (pixels)"), Value::Real(1.0), true,
-        |s, v| s.shading_rate = v.real(0.01..=1000.0)? as f32;
-    c"trapeze:filter", Some(c"Pixel filter"), Value::Text(c"gaussian"), true,
-        |s, v| s.filter = v.word(&["box", "gaussian", "mitchell", "blackman-harris"], TRZ_FILTER_BOX)?;
-    c"trapeze:filterWidth", Some(c"Filter width (pixels, 0: the filter's own)"), Value::Real(0.0), true,
-        |s, v| s.filter_width = v.real(0.0..=32.0)? as f32;
-    c"trapeze:overrideShutter", Some(c"Override the camera's shutter"), Value::Bool(false), false,
-        |s, v| s.override_shutter = v.flag()?;
-    c"trapeze:shutterOpen", Some(c"Shutter open (frames)"), Value::Real(-0.25), false,
-        |s, v| s.shutter_open = v.real(-LONGEST..=LONGEST)?;
-    c"trapeze:shutterClose", Some(c"Shutter close (frames)"), Value::Real(0.25), false,
-        |s, v| s.shutter_close = v.real(-LONGEST..=LONGEST)?;
-    c"trapeze:shutter", None, Value::None, true, |s, v| {
-        [s.shutter_open, s.shutter_close] = v.shutter()?;
-        s.override_shutter = 1;
-    };
-    c"trapeze:disableMotionBlur", Some(c"Disable motion blur"), Value::Bool(false), false,
-        |s, v| s.disable_motion_blur = v.flag()?;
-    c"trapeze:disableDepthOfField", Some(c"Disable depth of field"), Value::Bool(false), false,
-        |s, v| s.disable_defocus = v.flag()?;
-    c"trapeze:cameraLight", Some(c"Light at the camera, where the host has lights"), Value::Bool(true), true,
-        |s, v| s.camera_light = v.flag()?;
-    c"trapeze:curves", Some(c"Curves as"), Value::Text(c"auto"), true,
-        |s, v| s.curves = v.word(&["auto", "ribbons", "tubes"], TRZ_CURVES_AUTO)?;
-    c"trapeze:cull", Some(c"Sides that rays pass through"), Value::Text(c"none"), true,
-        |s, v| s.cull = v.word(&["none", "back", "front", "backUnlessDoubleSided"], TRZ_CULL_NONE)?;
-    c"trapeze:maxMicropolygons", Some(c"Most micropolygons (0: the renderer's own)"), Value::Integer(0), true,
-        |s, v| s.max_micropolygons = v.whole(0..=i64::MAX)?;
-    c"trapeze:seed", Some(c"Seed"), Value::Integer(0), true,
-        |s, v| s.seed = v.whole(0..=i64::from(u32::MAX))?;
-    c"trapeze:threads", Some(c"Threads (0: all cores)"), Value::Integer(0), false,
-        |s, v| s.threads = v.whole(0..=4096)?;
-    c"trapeze:backend", Some(c"Backend"), Value::Text(c"auto"), false,
-        |s, v| s.backend = v.word(&["auto", "cpu", "gpu"], TRZ_BACKEND_AUTO)?;
-    c"trapeze:timeCodesPerSecond", Some(c"Time codes per second"), Value::Real(24.0), true,
-        |s, v| s.time_codes_per_second = v.real(1e-6..=1e6)?;
-    c"trapeze:compression", None, Value::None, true,
-        |s, v| s.compression = v.word(&["none", "rle", "zips", "zip", "piz"], TRZ_COMPRESSION_NONE)?;
-    c"trapeze:pixelType", None, Value::None, true,
-        |s, v| s.pixel_type = v.word(&["half", "float"], TRZ_PIXEL_HALF)?;
+    c"trapeze:samples", Some(c"Samples per pixel"), Kind::Whole(1..=1 << 20), Value::Integer(64), true,
+        c"samples a pixel; powers of 4 are the most even",
+        |s, v| s.samples = v.u32();
+    c"trapeze:shadingRate", Some(c"Shading rate (pixels)"), Kind::Real(0.01..=1000.0), Value::Real(1.0), true,
+        c"micropolygon edge in pixels",
+        |s, v| s.shading_rate = v.f64() as f32;
+    c"trapeze:filter", Some(c"Pixel filter"),
+        Kind::Word(c"box gaussian mitchell blackman-harris", TRZ_FILTER_BOX), Value::Text(c"gaussian"), true,
+        c"pixel filter",
+        |s, v| s.filter = v.u32();
+    c"trapeze:filterWidth", Some(c"Filter width (pixels, 0: the filter's own)"),
+        Kind::Real(0.0..=32.0), Value::Real(0.0), true,
+        c"diameter of the filter in pixels; 0: the filter's own",
+        |s, v| s.filter_width = v.f64() as f32;
+    c"trapeze:overrideShutter", Some(c"Override the camera's shutter"), Kind::Flag, Value::Bool(false), false,
+        c"shutterOpen and shutterClose in place of the camera's shutter",
+        |s, v| s.override_shutter = v.u32();
+    c"trapeze:shutterOpen", Some(c"Shutter open (frames)"), Kind::Real(INSTANTS), Value::Real(-0.25), false,
+        c"when the shutter opens, in time codes relative to the frame",
+        |s, v| s.shutter_open = v.f64();
+    c"trapeze:shutterClose", Some(c"Shutter close (frames)"), Kind::Real(INSTANTS), Value::Real(0.25), false,
+        c"when the shutter closes, in time codes relative to the frame",
+        |s, v| s.shutter_close = v.f64();
+    c"trapeze:shutter", None, Kind::Shutter, Value::None, true,
+        c"open and close in time codes relative to the frame, in place of the camera's",
+        |s, v| {
+            [s.shutter_open, s.shutter_close] = v.numbers;
+            s.override_shutter = 1;
+        };
+    c"trapeze:disableMotionBlur", Some(c"Disable motion blur"), Kind::Flag, Value::Bool(false), false,
+        c"everything as at the frame's own time",
+        |s, v| s.disable_motion_blur = v.u32();
+    c"trapeze:disableDepthOfField", Some(c"Disable depth of field"), Kind::Flag, Value::Bool(false), false,
+        c"a pinhole in place of the lens",
+        |s, v| s.disable_defocus = v.u32();
+    c"trapeze:cameraLight", Some(c"Light at the camera, where the host has lights"),
+        Kind::Flag, Value::Bool(true), true,
+        c"a light at the camera",
+        |s, v| s.camera_light = v.u32();
+    c"trapeze:curves", Some(c"Curves as"), Kind::Word(c"auto ribbons tubes", TRZ_CURVES_AUTO),
+        Value::Text(c"auto"), true,
+        c"what curves without normals become",
+        |s, v| s.curves = v.u32();
+    c"trapeze:cull", Some(c"Sides that rays pass through"),
+        Kind::Word(c"none back front backUnlessDoubleSided", TRZ_CULL_NONE), Value::Text(c"none"), true,
+        c"sides of surfaces that are not seen",
+        |s, v| s.cull = v.u32();
+    c"trapeze:maxMicropolygons", Some(c"Most micropolygons (0: the renderer's own)"),
+        Kind::Whole(0..=i64::MAX), Value::Integer(0), true,
+        c"most micropolygons; 0: the renderer's own",
+        |s, v| s.max_micropolygons = v.whole.unsigned_abs();
+    c"trapeze:seed", Some(c"Seed"), Kind::Whole(0..=u32::MAX as i64), Value::Integer(0), true,
+        c"seed of the sample patterns",
+        |s, v| s.seed = v.u32();
+    c"trapeze:threads", Some(c"Threads (0: all cores)"), Kind::Whole(0..=4096), Value::Integer(0), false,
+        c"threads; 0: all cores",
+        |s, v| s.threads = v.u32();
+    c"trapeze:backend", Some(c"Backend"), Kind::Word(c"auto cpu gpu", TRZ_BACKEND_AUTO), Value::Text(c"auto"), false,
+        c"what computes",
+        |s, v| s.backend = v.u32();
+    c"trapeze:timeCodesPerSecond", Some(c"Time codes per second"), Kind::Real(1e-6..=1e6), Value::Real(24.0), true,
+        c"the stage's, for hosts that do not know it; prims with velocities need it",
+        |s, v| s.time_codes_per_second = v.f64();
+    c"trapeze:compression", None, Kind::Word(c"none rle zips zip piz", TRZ_COMPRESSION_NONE),
+        Value::Text(c"zip"), true,
+        c"of EXR files",
+        |s, v| s.compression = v.u32();
+    c"trapeze:pixelType", None, Kind::Word(c"half float", TRZ_PIXEL_HALF), Value::Text(c"half"), true,
+        c"16 or 32 bits in EXR files; ids and depths always have 32",
+        |s, v| s.pixel_type = v.u32();
 };

@@ -637,6 +637,14 @@ pub struct trz_setting {
     pub label: *const c_char,
     /// Its value where nobody has an opinion; TRZ_VALUE_NONE: none.
     pub fallback: trz_value,
+    /// TRZ_VALUE_*: what its values are. Where they are TRZ_VALUE_REAL, whole numbers do, too.
+    pub kind: u32,
+    /// The least and the most that a number, or each of a pair, can be.
+    pub range: [f64; 2],
+    /// The words that a text can be, with spaces between; NULL for what is no text.
+    pub words: *const c_char,
+    /// What it is, for helps and tool tips: a part of a sentence.
+    pub doc: *const c_char,
 }
 
 /// What is rendered, besides the scene.

@@ -131,7 +131,7 @@ fn all_layouts() -> Layouts {
             occlusion_culling, compression, pixel_type, time_codes_per_second,
         }
         trz_value { kind, integer, numbers, text }
-        trz_setting { struct_size, of_prims, name, label, fallback }
+        trz_setting { struct_size, of_prims, name, label, fallback, kind, range, words, doc }
         trz_view { struct_size, aov_count, camera, settings, aovs, frame, settings_path, resolution, data_window }
         trz_product {
             struct_size, pixel_aspect, path, r#type, name, camera, camera_path, camera_aspect, resolution,

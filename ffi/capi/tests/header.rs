@@ -4,13 +4,14 @@
 
 use std::path::Path;
 
-const SOURCES: [&str; 12] = [
+const SOURCES: [&str; 13] = [
     "constants",
     "types",
     "session",
     "scene",
     "instancer",
     "setting",
+    "frame_name",
     "path",
     "words",
     "render",

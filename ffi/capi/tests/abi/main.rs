@@ -5,6 +5,7 @@
 mod ahead;
 mod arguments;
 mod files;
+mod frame_names;
 mod lifecycle;
 mod messages;
 mod motion;

@@ -350,6 +350,12 @@ fn null_arguments() {
         trz_view_show(s, name, &mut no_data);
         trz_view_show(s, name, &mut no_clear);
         trz_setting_describe(0, null_mut());
+        trz_frame_name(null(), 1.0, null_mut(), 0, &mut 0);
+        trz_frame_name(name, 1.0, null_mut(), 9, &mut 0);
+        trz_frame_name(name, 1.0, null_mut(), 0, null_mut());
+        trz_frame_places(null(), &mut 0, &mut 0);
+        trz_frame_places(name, null_mut(), &mut 0);
+        trz_frame_places(name, &mut 0, null_mut());
         trz_settings_set(null_mut(), name, &NO_VALUE);
         trz_settings_set(&mut settings_default(), null(), &NO_VALUE);
         trz_settings_set(&mut settings_default(), name, null());

@@ -1,6 +1,6 @@
 //! Settings by name.
 
-use std::ffi::CStr;
+use std::ffi::{CStr, CString, c_char};
 
 use hdtrapeze::*;
 
@@ -258,4 +258,62 @@ fn what_cannot_be_is_told_and_changes_nothing() {
         TRZ_ERROR_NULL_POINTER,
     );
     assert_eq!(fields(&settings), fields(&settings_default()));
+}
+
+#[test]
+fn what_is_described_is_what_can_be() {
+    // SAFETY: a text of the library, valid for ever.
+    let of_library = |text: *const c_char| unsafe { CStr::from_ptr(text) }.to_str().unwrap();
+    for setting in described() {
+        let name = name(&setting);
+        let result = |value| set(&mut settings_default(), name, value);
+        let can_be = |value| assert_eq!(result(value), TRZ_OK, "{name:?}");
+        let cannot_be = |value| assert_eq!(result(value), TRZ_ERROR_INVALID_ARGUMENT, "{name:?}");
+        let [least, most] = setting.range;
+        match setting.kind {
+            TRZ_VALUE_BOOL => can_be(flag(0)),
+            TRZ_VALUE_INTEGER => {
+                can_be(whole(least as i64));
+                can_be(whole(most as i64));
+                cannot_be(whole(least as i64 - 1));
+                if most < 1e18 {
+                    cannot_be(whole(most as i64 + 1));
+                }
+            }
+            TRZ_VALUE_REAL => {
+                can_be(real(least));
+                can_be(real(most));
+                cannot_be(real(least - 1.0));
+                cannot_be(real(most + 1.0));
+            }
+            TRZ_VALUE_TEXT => {
+                let words: Vec<_> = of_library(setting.words).split(' ').collect();
+                assert!(words.len() > 1, "{name:?}");
+                for word in words {
+                    can_be(text(&CString::new(word).unwrap()));
+                }
+                cannot_be(text(setting_words(&setting)));
+            }
+            TRZ_VALUE_PAIR => {
+                can_be(pair([least, most]));
+                cannot_be(pair([least - 1.0, most]));
+            }
+            other => panic!("{name:?} is of the kind {other}"),
+        }
+        assert_eq!(
+            setting.words.is_null(),
+            setting.kind != TRZ_VALUE_TEXT,
+            "{name:?}"
+        );
+        assert!(!of_library(setting.doc).is_empty(), "{name:?}");
+        if setting.fallback.kind != TRZ_VALUE_NONE {
+            assert_eq!(setting.fallback.kind, setting.kind, "{name:?}");
+        }
+    }
+}
+
+/// All words at once, which are none.
+fn setting_words(setting: &trz_setting) -> &'static CStr {
+    // SAFETY: a text of the library, valid for ever.
+    unsafe { CStr::from_ptr(setting.words) }
 }
