@@ -3,14 +3,14 @@
 //! Sums are f32, of at most as many samples as a pass has; core's film adds them to sums in f64. A pass of n samples is
 //! off by no more than n roundings of the sum of its magnitudes.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 use hdtrapeze_core::film::tile::PixelSums;
 use hdtrapeze_shaders::layout::Pixel;
 use hdtrapeze_shaders::stage::film_source;
 use wgpu::BufferUsages as Usage;
 
-use super::kernel::{Binding, Kernel};
+use super::kernel::{Binding, Kernel, Kernels};
 use super::tiles::GpuTiles;
 use super::trace::unpacked;
 use super::{Device, GpuError};
@@ -19,7 +19,7 @@ use super::{Device, GpuError};
 #[derive(Debug)]
 pub struct Filmer {
     device: Arc<Device>,
-    kernel: Mutex<Option<Arc<Kernel>>>,
+    kernels: Kernels<()>,
 }
 
 impl Filmer {
@@ -27,7 +27,7 @@ impl Filmer {
     pub fn new(device: Arc<Device>) -> Self {
         Self {
             device,
-            kernel: Mutex::default(),
+            kernels: Kernels::default(),
         }
     }
 
@@ -73,15 +73,12 @@ impl Filmer {
     }
 
     fn kernel(&self) -> Result<Arc<Kernel>, GpuError> {
-        let known = &mut *self.kernel.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(kernel) = known {
-            return Ok(Arc::clone(kernel));
-        }
-        let groups: [&[Binding]; 2] = [
-            &[Binding::Read, Binding::Read, Binding::Write],
-            &[Binding::Read, Binding::Uniform],
-        ];
-        let kernel = Arc::new(Kernel::new(&self.device, "film", &film_source(), &groups)?);
-        Ok(Arc::clone(known.insert(kernel)))
+        self.kernels.get((), || {
+            let groups: [&[Binding]; 2] = [
+                &[Binding::Read, Binding::Read, Binding::Write],
+                &[Binding::Read, Binding::Uniform],
+            ];
+            Kernel::new(&self.device, "film", &film_source(), &groups)
+        })
     }
 }

@@ -254,7 +254,8 @@ impl GpuFrame {
     fn traced(&self, rays: &wgpu::Buffer, len: usize) -> Result<wgpu::Buffer, GpuError> {
         let tracer = &self.stages.tracer;
         let batch = tracer.batch_of(&self.scene, rays, len, false, false)?;
-        self.took(Stage::Trace, tracer.run(&batch)?);
+        let timed = self.seconds.is_some();
+        self.took(Stage::Trace, tracer.start(&batch, timed)?);
         Ok(batch.into_hits())
     }
 

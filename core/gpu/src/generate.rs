@@ -11,9 +11,8 @@
 //! What is left is some roundings in time, lens point and direction; the tests state how many. A lens that changes while the
 //! shutter is open is not known here: its window is made of seven numbers a ray, in f64, and rare.
 
-use std::collections::HashMap;
 use std::f64::consts::FRAC_PI_2;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 use glam::{DVec4, Vec2};
 use hdtrapeze_core::camera::aperture::Aperture;
@@ -26,7 +25,7 @@ use hdtrapeze_shaders::layout::{Camera, Ray};
 use hdtrapeze_shaders::stage::{GeneratePermutation, LensKind, TimeKind};
 use wgpu::BufferUsages as Usage;
 
-use super::kernel::{Binding, Kernel};
+use super::kernel::{Binding, Kernel, Kernels};
 use super::tiles::GpuTiles;
 use super::{Device, GpuError};
 
@@ -51,7 +50,7 @@ pub struct GpuCamera {
 #[derive(Debug)]
 pub struct RayMaker {
     device: Arc<Device>,
-    kernels: Mutex<HashMap<GeneratePermutation, Arc<Kernel>>>,
+    kernels: Kernels<GeneratePermutation>,
 }
 
 impl GpuCamera {
@@ -81,7 +80,7 @@ impl RayMaker {
     pub fn new(device: Arc<Device>) -> Self {
         Self {
             device,
-            kernels: Mutex::default(),
+            kernels: Kernels::default(),
         }
     }
 
@@ -114,24 +113,19 @@ impl RayMaker {
     }
 
     fn kernel(&self, permutation: GeneratePermutation) -> Result<Arc<Kernel>, GpuError> {
-        let known = &mut *self.kernels.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(kernel) = known.get(&permutation) {
-            return Ok(Arc::clone(kernel));
-        }
-        let groups: [&[Binding]; 2] = [
-            &[Binding::Uniform, Binding::Read],
-            &[
-                Binding::Read,
-                Binding::Uniform,
-                Binding::Read,
-                Binding::Write,
-            ],
-        ];
-        let source = permutation.source();
-        let kernel = Kernel::new(&self.device, "generate", &source, &groups)?;
-        let kernel = Arc::new(kernel);
-        known.insert(permutation, Arc::clone(&kernel));
-        Ok(kernel)
+        self.kernels.get(permutation, || {
+            let groups: [&[Binding]; 2] = [
+                &[Binding::Uniform, Binding::Read],
+                &[
+                    Binding::Read,
+                    Binding::Uniform,
+                    Binding::Read,
+                    Binding::Write,
+                ],
+            ];
+            let source = permutation.source();
+            Kernel::new(&self.device, "generate", &source, &groups)
+        })
     }
 }
 

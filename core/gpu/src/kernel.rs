@@ -1,33 +1,61 @@
 //! Stages that are compiled, and launches of them.
 
-use super::{Device, GpuError};
+use std::collections::HashMap;
+use std::hash::Hash;
+use std::sync::{Arc, Mutex, PoisonError};
 
-/// How a stage sees a buffer.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Binding {
-    /// Reads it.
-    Read,
-    /// Reads and writes it.
-    Write,
-    /// Reads it: one struct, the same for all.
-    Uniform,
-}
+pub use hdtrapeze_shaders::stage::Binding;
+
+use super::{Device, GpuError};
 
 /// A stage, compiled.
 #[derive(Debug)]
 pub struct Kernel {
     name: &'static str,
-    pipeline: wgpu::ComputePipeline,
+    /// By entry point.
+    pipelines: Vec<(&'static str, wgpu::ComputePipeline)>,
     layouts: Vec<wgpu::BindGroupLayout>,
 }
 
 /// A stage with its buffers, and workgroups of it.
 #[derive(Debug)]
-pub struct Launch<'a> {
-    kernel: &'a Kernel,
+pub struct Launch {
+    name: &'static str,
+    pipeline: wgpu::ComputePipeline,
     groups: Vec<wgpu::BindGroup>,
     /// Workgroups: in a row, and rows.
     size: [u32; 2],
+}
+
+/// Kernels by what they are compiled for: each is compiled once.
+#[derive(Debug)]
+pub(crate) struct Kernels<P> {
+    known: Mutex<HashMap<P, Arc<Kernel>>>,
+}
+
+impl<P> Default for Kernels<P> {
+    fn default() -> Self {
+        Self {
+            known: Mutex::default(),
+        }
+    }
+}
+
+impl<P: Eq + Hash> Kernels<P> {
+    /// The kernel of a permutation, which `make` compiles where it is not known.
+    pub fn get(
+        &self,
+        permutation: P,
+        make: impl FnOnce() -> Result<Kernel, GpuError>,
+    ) -> Result<Arc<Kernel>, GpuError> {
+        let known = &mut *self.known.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(kernel) = known.get(&permutation) {
+            return Ok(Arc::clone(kernel));
+        }
+        let kernel = Arc::new(make()?);
+        known.insert(permutation, Arc::clone(&kernel));
+        Ok(kernel)
+    }
 }
 
 impl Kernel {
@@ -39,6 +67,20 @@ impl Kernel {
         device: &Device,
         name: &'static str,
         source: &str,
+        groups: &[&[Binding]],
+    ) -> Result<Self, GpuError> {
+        Self::with_entries(device, name, source, &[name], groups)
+    }
+
+    /// The same of a text with these entry points, which see the same buffers.
+    ///
+    /// # Errors
+    /// As [`Kernel::new`].
+    pub(crate) fn with_entries(
+        device: &Device,
+        name: &'static str,
+        source: &str,
+        entries: &[&'static str],
         groups: &[&[Binding]],
     ) -> Result<Self, GpuError> {
         let on = &device.device;
@@ -54,14 +96,18 @@ impl Kernel {
             label: Some(name),
             source: wgpu::ShaderSource::Wgsl(source.into()),
         });
-        let pipeline = on.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some(name),
-            layout: Some(&layout),
-            module: &module,
-            entry_point: Some(name),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            cache: None,
-        });
+        let pipeline = |&entry: &&'static str| {
+            let descriptor = wgpu::ComputePipelineDescriptor {
+                label: Some(entry),
+                layout: Some(&layout),
+                module: &module,
+                entry_point: Some(entry),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                cache: None,
+            };
+            (entry, on.create_compute_pipeline(&descriptor))
+        };
+        let pipelines = entries.iter().map(pipeline).collect();
         if let Some(error) = pollster::block_on(scope.pop()) {
             return Err(GpuError::Failed {
                 name: device.found().name.clone(),
@@ -71,35 +117,53 @@ impl Kernel {
         device.check()?;
         Ok(Self {
             name,
-            pipeline,
+            pipelines,
             layouts,
         })
     }
 
     /// So many workgroups, in as many rows as the device needs, with these buffers.
-    pub fn launch(
+    pub fn launch(&self, device: &Device, groups: &[&[&wgpu::Buffer]], workgroups: u32) -> Launch {
+        let groups = (0..).zip(groups).map(|(number, buffers)| {
+            let whole = buffers.iter().map(|buffer| buffer.as_entire_binding());
+            self.group(device, number, whole)
+        });
+        let (entry, _) = self.pipelines[0];
+        self.launch_at(device, entry, groups.collect(), workgroups)
+    }
+
+    /// Buffers, or parts of them, as group `number`.
+    pub(crate) fn group<'b>(
         &self,
         device: &Device,
-        groups: &[&[&wgpu::Buffer]],
+        number: usize,
+        buffers: impl Iterator<Item = wgpu::BindingResource<'b>>,
+    ) -> wgpu::BindGroup {
+        let entries: Vec<_> = (0u32..)
+            .zip(buffers)
+            .map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource })
+            .collect();
+        device.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some(self.name),
+            layout: &self.layouts[number],
+            entries: &entries,
+        })
+    }
+
+    /// [`Kernel::launch`] at one of several entry points, of groups that are there.
+    pub(crate) fn launch_at(
+        &self,
+        device: &Device,
+        entry: &'static str,
+        groups: Vec<wgpu::BindGroup>,
         workgroups: u32,
-    ) -> Launch<'_> {
-        let bound = self.layouts.iter().zip(groups).map(|(layout, buffers)| {
-            let entries = (0u32..).zip(*buffers);
-            let entries: Vec<_> = entries
-                .map(|(binding, buffer)| wgpu::BindGroupEntry {
-                    binding,
-                    resource: buffer.as_entire_binding(),
-                })
-                .collect();
-            device.device.create_bind_group(&wgpu::BindGroupDescriptor {
-                label: Some(self.name),
-                layout,
-                entries: &entries,
-            })
-        });
+    ) -> Launch {
+        let known = self.pipelines.iter().find(|(name, _)| *name == entry);
+        let (_, pipeline) = known.unwrap_or(&self.pipelines[0]);
         Launch {
-            kernel: self,
-            groups: bound.collect(),
+            name: self.name,
+            pipeline: pipeline.clone(),
+            groups,
             size: rows(device, workgroups),
         }
     }
@@ -134,51 +198,70 @@ fn layout(device: &wgpu::Device, name: &str, bindings: &[Binding]) -> wgpu::Bind
     })
 }
 
-impl Launch<'_> {
+impl Launch {
     /// Runs it after what was submitted before; gives the seconds that the device took where that is asked for and the
     /// device can tell, and waits for it then only.
     ///
     /// # Errors
     /// The device failed or is lost.
     pub fn run(&self, device: &Device, timed: bool) -> Result<Option<f64>, GpuError> {
-        let clock = match timed && device.found().timestamps {
-            true => Some(Clock::new(device, self.kernel.name)?),
-            false => None,
-        };
-        let mut encoder = device.device.create_command_encoder(&Default::default());
-        {
-            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-                label: Some(self.kernel.name),
-                timestamp_writes: clock.as_ref().map(Clock::writes),
-            });
-            pass.set_pipeline(&self.kernel.pipeline);
-            for (number, group) in (0u32..).zip(&self.groups) {
-                pass.set_bind_group(number, group, &[]);
-            }
-            pass.dispatch_workgroups(self.size[0], self.size[1], 1);
+        run(device, std::slice::from_ref(self), timed)
+    }
+}
+
+/// Runs launches one after the other, as [`Launch::run`].
+pub(crate) fn run(
+    device: &Device,
+    launches: &[Launch],
+    timed: bool,
+) -> Result<Option<f64>, GpuError> {
+    let name = launches.first().map_or("nothing", |launch| launch.name);
+    let clock = match timed && device.found().timestamps {
+        true => Some(Clock::new(device, name)?),
+        false => None,
+    };
+    let mut encoder = device.device.create_command_encoder(&Default::default());
+    record(&mut encoder, launches, clock.as_ref().map(Clock::writes));
+    if let Some(clock) = &clock {
+        clock.resolve(&mut encoder);
+    }
+    let submitted = device.queue.submit([encoder.finish()]);
+    if !timed {
+        return device.check().map(|()| None);
+    }
+    device.wait(submitted)?;
+    clock.map(|clock| clock.seconds(device)).transpose()
+}
+
+/// Records launches as one pass.
+pub(crate) fn record(
+    encoder: &mut wgpu::CommandEncoder,
+    launches: &[Launch],
+    timestamp_writes: Option<wgpu::ComputePassTimestampWrites<'_>>,
+) {
+    let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+        label: launches.first().map(|launch| launch.name),
+        timestamp_writes,
+    });
+    for launch in launches {
+        pass.set_pipeline(&launch.pipeline);
+        for (number, group) in (0u32..).zip(&launch.groups) {
+            pass.set_bind_group(number, group, &[]);
         }
-        if let Some(clock) = &clock {
-            clock.resolve(&mut encoder);
-        }
-        let submitted = device.queue.submit([encoder.finish()]);
-        if !timed {
-            return device.check().map(|()| None);
-        }
-        device.wait(submitted)?;
-        clock.map(|clock| clock.seconds(device)).transpose()
+        pass.dispatch_workgroups(launch.size[0], launch.size[1], 1);
     }
 }
 
 /// Times one pass.
 #[derive(Debug)]
-pub(crate) struct Clock {
+struct Clock {
     set: wgpu::QuerySet,
     times: wgpu::Buffer,
 }
 
 impl Clock {
     /// For a device that has timestamps.
-    pub fn new(device: &Device, name: &str) -> Result<Self, GpuError> {
+    fn new(device: &Device, name: &str) -> Result<Self, GpuError> {
         let set = device.device.create_query_set(&wgpu::QuerySetDescriptor {
             label: Some(name),
             ty: wgpu::QueryType::Timestamp,
@@ -190,7 +273,7 @@ impl Clock {
     }
 
     /// For the pass.
-    pub fn writes(&self) -> wgpu::ComputePassTimestampWrites<'_> {
+    fn writes(&self) -> wgpu::ComputePassTimestampWrites<'_> {
         wgpu::ComputePassTimestampWrites {
             query_set: &self.set,
             beginning_of_pass_write_index: Some(0),
@@ -199,12 +282,12 @@ impl Clock {
     }
 
     /// After the pass.
-    pub fn resolve(&self, encoder: &mut wgpu::CommandEncoder) {
+    fn resolve(&self, encoder: &mut wgpu::CommandEncoder) {
         encoder.resolve_query_set(&self.set, 0..2, &self.times, 0);
     }
 
     /// Once it has run.
-    pub fn seconds(&self, device: &Device) -> Result<f64, GpuError> {
+    fn seconds(&self, device: &Device) -> Result<f64, GpuError> {
         let mut ends = [0u64; 2];
         device.fetch(&self.times, &mut ends)?;
         let ticks = ends[1].saturating_sub(ends[0]) as f64;

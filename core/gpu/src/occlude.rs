@@ -9,9 +9,7 @@
 //! Space: the world's, relative to its origin; times are in [0, 1] across the shutter; directions have unit length, so that
 //! [`Occlusion::reach`] is in scene units.
 
-use std::collections::HashMap;
-use std::hash::Hash;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 use hdtrapeze_core::sample::{PatternKind, PixelSampler};
 use hdtrapeze_core::trace::{self, TraceCounts};
@@ -22,7 +20,7 @@ use hdtrapeze_shaders::stage::{
 };
 use wgpu::BufferUsages as Usage;
 
-use super::kernel::{Binding, Kernel, rows};
+use super::kernel::{Binding, Kernel, Kernels, rows};
 use super::order::Orderer;
 use super::trace::packed;
 use super::{Device, GpuError, GpuScene};
@@ -88,27 +86,10 @@ pub struct Scattered {
 pub struct Occluder {
     device: Arc<Device>,
     orderer: Orderer,
-    sites: Known<bool>,
-    scatters: Known<bool>,
-    occludes: Known<OccludePermutation>,
-    shares: Known<()>,
-}
-
-/// Stages that are compiled.
-type Known<P> = Mutex<HashMap<P, Arc<Kernel>>>;
-
-fn known<P: Copy + Eq + Hash>(
-    kernels: &Known<P>,
-    permutation: P,
-    make: impl FnOnce() -> Result<Kernel, GpuError>,
-) -> Result<Arc<Kernel>, GpuError> {
-    let known = &mut *kernels.lock().unwrap_or_else(PoisonError::into_inner);
-    if let Some(kernel) = known.get(&permutation) {
-        return Ok(Arc::clone(kernel));
-    }
-    let kernel = Arc::new(make()?);
-    known.insert(permutation, Arc::clone(&kernel));
-    Ok(kernel)
+    sites: Kernels<bool>,
+    scatters: Kernels<bool>,
+    occludes: Kernels<OccludePermutation>,
+    shares: Kernels<()>,
 }
 
 impl Occluder {
@@ -116,10 +97,10 @@ impl Occluder {
     pub fn new(device: Arc<Device>) -> Self {
         Self {
             orderer: Orderer::new(Arc::clone(&device)),
-            sites: Mutex::default(),
-            scatters: Mutex::default(),
-            occludes: Mutex::default(),
-            shares: Mutex::default(),
+            sites: Kernels::default(),
+            scatters: Kernels::default(),
+            occludes: Kernels::default(),
+            shares: Kernels::default(),
             device,
         }
     }
@@ -189,7 +170,7 @@ impl Occluder {
         };
         let launch = device.uniform("launch", &launch)?;
         let time = page.permutation.time;
-        let kernel = known(&self.sites, time, || {
+        let kernel = self.sites.get(time, || {
             let batch = [
                 Binding::Read,
                 Binding::Read,
@@ -246,7 +227,7 @@ impl Occluder {
         };
         let launch = device.uniform("launch", &launch)?;
         let net = sampler.kind() == PatternKind::Net;
-        let kernel = known(&self.scatters, net, || {
+        let kernel = self.scatters.get(net, || {
             let groups: [&[Binding]; 1] = [&[
                 Binding::Uniform,
                 Binding::Read,
@@ -334,7 +315,7 @@ impl Occluder {
             samples: samples.max(1),
         };
         let launch = device.uniform("launch", &launch)?;
-        let kernel = known(&self.shares, (), || {
+        let kernel = self.shares.get((), || {
             let groups: [&[Binding]; 1] = [&[Binding::Uniform, Binding::Read, Binding::Write]];
             Kernel::new(device, "share", &share_source(), &groups)
         })?;
@@ -453,7 +434,7 @@ impl Occluder {
     }
 
     fn occlude_kernel(&self, permutation: OccludePermutation) -> Result<Arc<Kernel>, GpuError> {
-        known(&self.occludes, permutation, || {
+        self.occludes.get(permutation, || {
             let batch = [
                 Binding::Read,
                 Binding::Write,

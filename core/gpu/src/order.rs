@@ -1,13 +1,13 @@
 //! The stages `order` and `sort` on a device: which order rays are best taken in.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 use hdtrapeze_shaders::layout::{BuildLaunch, OrderLaunch};
 use hdtrapeze_shaders::stage::{BuildStage, SCATTER_WORKGROUP, SORT_BITS, SORT_TILE, order_source};
 use wgpu::BufferUsages as Usage;
 
-use super::build::kernels::{Kernels, sort_steps, workgroups};
-use super::kernel::{Binding, Kernel, rows};
+use super::build::run::{Runner, sort_steps, workgroups};
+use super::kernel::{Binding, Kernel, Kernels, rows};
 use super::{Device, GpuError};
 
 /// Rays of a run, as a power of two: those of 256 hits that have 16 each.
@@ -20,16 +20,16 @@ const TIME_BITS: u32 = 2;
 /// Puts rays in order on a device.
 #[derive(Debug)]
 pub(crate) struct Orderer {
-    kernel: Mutex<Option<Arc<Kernel>>>,
-    sort: Kernels,
+    kernels: Kernels<()>,
+    sort: Runner,
 }
 
 impl Orderer {
     /// For this device.
     pub fn new(device: Arc<Device>) -> Self {
         Self {
-            kernel: Mutex::default(),
-            sort: Kernels::new(device),
+            kernels: Kernels::default(),
+            sort: Runner::new(device),
         }
     }
 
@@ -104,18 +104,14 @@ impl Orderer {
     }
 
     fn kernel(&self) -> Result<Arc<Kernel>, GpuError> {
-        let known = &mut *self.kernel.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(kernel) = known {
-            return Ok(Arc::clone(kernel));
-        }
-        let groups: [&[Binding]; 1] = [&[
-            Binding::Uniform,
-            Binding::Read,
-            Binding::Write,
-            Binding::Write,
-        ]];
-        let device = &self.sort.device;
-        let kernel = Arc::new(Kernel::new(device, "order", &order_source(), &groups)?);
-        Ok(Arc::clone(known.insert(kernel)))
+        self.kernels.get((), || {
+            let groups: [&[Binding]; 1] = [&[
+                Binding::Uniform,
+                Binding::Read,
+                Binding::Write,
+                Binding::Write,
+            ]];
+            Kernel::new(&self.sort.device, "order", &order_source(), &groups)
+        })
     }
 }

@@ -5,7 +5,7 @@
 
 use std::collections::HashMap;
 use std::f32::consts::PI;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 use hdtrapeze_core::aov::Aov;
 use hdtrapeze_core::bvh::ObjectGeometry;
@@ -15,7 +15,7 @@ use hdtrapeze_shaders::layout::{Look, Sample, ShadeLaunch};
 use hdtrapeze_shaders::stage::{SHADE_WORKGROUP, ShadePermutation, TimeKind};
 use wgpu::BufferUsages as Usage;
 
-use super::kernel::{Binding, Kernel, rows};
+use super::kernel::{Binding, Kernel, Kernels, rows};
 use super::{Device, GpuCamera, GpuError, GpuScene};
 
 /// Storage buffers that the stage sees.
@@ -41,7 +41,7 @@ pub struct GpuLooks {
 #[derive(Debug)]
 pub struct Shader {
     device: Arc<Device>,
-    kernels: Mutex<HashMap<ShadePermutation, Arc<Kernel>>>,
+    kernels: Kernels<ShadePermutation>,
 }
 
 impl GpuLooks {
@@ -95,7 +95,7 @@ impl Shader {
     pub fn new(device: Arc<Device>) -> Self {
         Self {
             device,
-            kernels: Mutex::default(),
+            kernels: Kernels::default(),
         }
     }
 
@@ -137,29 +137,25 @@ impl Shader {
     }
 
     fn kernel(&self, permutation: ShadePermutation) -> Result<Arc<Kernel>, GpuError> {
-        let known = &mut *self.kernels.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(kernel) = known.get(&permutation) {
-            return Ok(Arc::clone(kernel));
-        }
-        let groups: [&[Binding]; 3] = [
-            &[Binding::Read; 5],
-            &[
-                Binding::Read,
-                Binding::Read,
-                Binding::Uniform,
-                Binding::Read,
-            ],
-            &[
-                Binding::Read,
-                Binding::Read,
-                Binding::Uniform,
-                Binding::Write,
-            ],
-        ];
-        let source = permutation.source();
-        let kernel = Arc::new(Kernel::new(&self.device, "shade", &source, &groups)?);
-        known.insert(permutation, Arc::clone(&kernel));
-        Ok(kernel)
+        self.kernels.get(permutation, || {
+            let groups: [&[Binding]; 3] = [
+                &[Binding::Read; 5],
+                &[
+                    Binding::Read,
+                    Binding::Read,
+                    Binding::Uniform,
+                    Binding::Read,
+                ],
+                &[
+                    Binding::Read,
+                    Binding::Read,
+                    Binding::Uniform,
+                    Binding::Write,
+                ],
+            ];
+            let source = permutation.source();
+            Kernel::new(&self.device, "shade", &source, &groups)
+        })
     }
 }
 

@@ -3,15 +3,14 @@
 //! Rays go there in batches: [`Tracer::batch`] uploads one, [`Tracer::run`] traces it, [`Tracer::read`] fetches its hits.
 //! [`Tracer::trace`] does all of that for any number of rays.
 
-use std::collections::HashMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 use hdtrapeze_core::trace::{self, TraceCounts};
 use hdtrapeze_shaders::layout::{Hit, Ray, TraceLaunch};
 use hdtrapeze_shaders::stage::{TRACE_WORKGROUP, TracePermutation};
 use wgpu::BufferUsages as Usage;
 
-use super::kernel::{Clock, rows};
+use super::kernel::{Binding, Kernel, Kernels, Launch, rows, run};
 use super::scene::Page;
 use super::{Device, GpuError, GpuScene};
 
@@ -22,19 +21,17 @@ const LAUNCH: usize = 1 << 19;
 #[derive(Debug)]
 pub struct Tracer {
     device: Arc<Device>,
-    /// Of the scene, of a batch, and of one that is counted.
-    layouts: [wgpu::BindGroupLayout; 3],
-    pipelines: Mutex<HashMap<TracePermutation, wgpu::ComputePipeline>>,
+    kernels: Kernels<TracePermutation>,
 }
 
 /// Rays on a device, and what they hit.
 #[derive(Debug)]
 pub struct Batch {
+    /// One a page.
     launches: Vec<Launch>,
     hits: wgpu::Buffer,
     counts: Option<wgpu::Buffer>,
     len: usize,
-    size: [u32; 2],
 }
 
 impl Batch {
@@ -49,48 +46,11 @@ impl Batch {
     }
 }
 
-/// One page of the scene.
-#[derive(Debug)]
-struct Launch {
-    pipeline: wgpu::ComputePipeline,
-    groups: [wgpu::BindGroup; 2],
-}
-
-/// A binding of the stage.
-fn entry(binding: u32, ty: wgpu::BufferBindingType) -> wgpu::BindGroupLayoutEntry {
-    wgpu::BindGroupLayoutEntry {
-        binding,
-        visibility: wgpu::ShaderStages::COMPUTE,
-        ty: wgpu::BindingType::Buffer {
-            ty,
-            has_dynamic_offset: false,
-            min_binding_size: None,
-        },
-        count: None,
-    }
-}
-
 impl Tracer {
     /// For this device.
     pub fn new(device: Arc<Device>) -> Self {
-        let storage = |read_only| wgpu::BufferBindingType::Storage { read_only };
-        let layout = |entries: &[wgpu::BindGroupLayoutEntry]| {
-            let descriptor = wgpu::BindGroupLayoutDescriptor {
-                label: Some("trace"),
-                entries,
-            };
-            device.device.create_bind_group_layout(&descriptor)
-        };
-        let scene = [0, 1, 2, 3, 4, 5].map(|binding| entry(binding, storage(true)));
-        let batch = [
-            entry(0, storage(true)),
-            entry(1, storage(false)),
-            entry(2, wgpu::BufferBindingType::Uniform),
-            entry(3, storage(false)),
-        ];
         Self {
-            layouts: [layout(&scene), layout(&batch[..3]), layout(&batch)],
-            pipelines: Mutex::default(),
+            kernels: Kernels::default(),
             device,
         }
     }
@@ -153,7 +113,7 @@ impl Tracer {
         let device = &*self.device;
         device.check()?;
         let groups = (len as u32).div_ceil(TRACE_WORKGROUP).max(1);
-        let [across, rows] = rows(device, groups);
+        let [across, _] = rows(device, groups);
         let answers = |what: &'static str, each: usize| {
             let bytes = (len.max(1) * each) as u64;
             device.buffer(what, bytes, Usage::STORAGE | Usage::COPY_SRC)
@@ -172,22 +132,15 @@ impl Tracer {
                 radius: page.radius,
                 pad: page.pad,
             };
-            let launch_there = device.buffer("launch", 32, Usage::UNIFORM | Usage::COPY_DST)?;
-            let bytes = bytemuck::bytes_of(&launch);
-            device.queue.write_buffer(&launch_there, 0, bytes);
-            let mut buffers = vec![rays, &hits, &launch_there];
-            buffers.extend(counted.as_ref());
-            let scene_group = self.group(0, &page.group.each_ref());
-            let batch_group = self.group(1 + usize::from(counts), &buffers);
-            let permutation = TracePermutation {
+            let launch = device.uniform("launch", &launch)?;
+            let mut batch = vec![rays, &hits, &launch];
+            batch.extend(counted.as_ref());
+            let kernel = self.kernel(TracePermutation {
                 any,
                 counts,
                 ..page.permutation
-            };
-            Ok(Launch {
-                pipeline: self.pipeline(permutation)?,
-                groups: [scene_group, batch_group],
-            })
+            })?;
+            Ok(kernel.launch(device, &[&page.group.each_ref(), &batch], groups))
         };
         let launches = scene.pages.iter().enumerate().map(launch);
         Ok(Batch {
@@ -195,7 +148,6 @@ impl Tracer {
             hits,
             counts: counted,
             len,
-            size: [across, rows],
         })
     }
 
@@ -204,29 +156,12 @@ impl Tracer {
     /// # Errors
     /// The device failed or is lost.
     pub fn run(&self, batch: &Batch) -> Result<Option<f64>, GpuError> {
-        let device = &*self.device;
-        let clock = match device.found().timestamps {
-            true => Some(Clock::new(device, "trace")?),
-            false => None,
-        };
-        let mut encoder = device.device.create_command_encoder(&Default::default());
-        {
-            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-                label: Some("trace"),
-                timestamp_writes: clock.as_ref().map(Clock::writes),
-            });
-            for launch in &batch.launches {
-                pass.set_pipeline(&launch.pipeline);
-                pass.set_bind_group(0, &launch.groups[0], &[]);
-                pass.set_bind_group(1, &launch.groups[1], &[]);
-                pass.dispatch_workgroups(batch.size[0], batch.size[1], 1);
-            }
-        }
-        if let Some(clock) = &clock {
-            clock.resolve(&mut encoder);
-        }
-        device.wait(device.queue.submit([encoder.finish()]))?;
-        clock.map(|clock| clock.seconds(device)).transpose()
+        self.start(batch, true)
+    }
+
+    /// The same, without waiting for it where it is not `timed`.
+    pub(crate) fn start(&self, batch: &Batch, timed: bool) -> Result<Option<f64>, GpuError> {
+        run(&self.device, &batch.launches, timed)
     }
 
     /// Fetches the hits of a batch that has run.
@@ -270,59 +205,18 @@ impl Tracer {
         Ok(Some(sum.fold(TraceCounts::default(), |a, b| a + b)))
     }
 
-    fn pipeline(&self, permutation: TracePermutation) -> Result<wgpu::ComputePipeline, GpuError> {
-        let mut known = self
-            .pipelines
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner);
-        if let Some(pipeline) = known.get(&permutation) {
-            return Ok(pipeline.clone());
-        }
-        let device = &self.device.device;
-        let scope = device.push_error_scope(wgpu::ErrorFilter::Validation);
-        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some("trace"),
-            source: wgpu::ShaderSource::Wgsl(permutation.source().into()),
-        });
-        let batch = &self.layouts[1 + usize::from(permutation.counts)];
-        let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some("trace"),
-            bind_group_layouts: &[Some(&self.layouts[0]), Some(batch)],
-            immediate_size: 0,
-        });
-        let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some("trace"),
-            layout: Some(&layout),
-            module: &module,
-            entry_point: Some("trace"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            cache: None,
-        });
-        if let Some(error) = pollster::block_on(scope.pop()) {
-            return Err(GpuError::Failed {
-                name: self.device.found().name.clone(),
-                why: error.to_string(),
-            });
-        }
-        self.device.check()?;
-        known.insert(permutation, pipeline.clone());
-        Ok(pipeline)
-    }
-
-    fn group(&self, number: usize, buffers: &[&wgpu::Buffer]) -> wgpu::BindGroup {
-        let entries: Vec<wgpu::BindGroupEntry<'_>> = (0u32..)
-            .zip(buffers)
-            .map(|(binding, buffer)| wgpu::BindGroupEntry {
-                binding,
-                resource: buffer.as_entire_binding(),
-            })
-            .collect();
-        let descriptor = wgpu::BindGroupDescriptor {
-            label: Some("trace"),
-            layout: &self.layouts[number],
-            entries: &entries,
-        };
-        self.device.device.create_bind_group(&descriptor)
+    fn kernel(&self, permutation: TracePermutation) -> Result<Arc<Kernel>, GpuError> {
+        self.kernels.get(permutation, || {
+            let batch = [
+                Binding::Read,
+                Binding::Write,
+                Binding::Uniform,
+                Binding::Write,
+            ];
+            let batch = &batch[..3 + usize::from(permutation.counts)];
+            let groups: [&[Binding]; 2] = [&[Binding::Read; 6], batch];
+            Kernel::new(&self.device, "trace", &permutation.source(), &groups)
+        })
     }
 }
 

@@ -1,5 +1,7 @@
 //! The stages that make trees out of diced vertices, in their order, and the bindings of each.
 
+use super::Binding;
+
 /// A stage of the build. One text has all its entry points, which see the same bindings, all of group 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum BuildStage {
@@ -15,17 +17,6 @@ pub enum BuildStage {
     Collapse,
     /// Bounds of nodes, and what became of trees.
     Refit,
-}
-
-/// What a stage does with a binding.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Binding {
-    /// A uniform: always binding 0, a [`BuildLaunch`](crate::layout::BuildLaunch).
-    Launch,
-    /// Only read.
-    Read,
-    /// Read and written.
-    Write,
 }
 
 /// A name, and the invocations of a workgroup.
@@ -91,16 +82,18 @@ impl BuildStage {
         }
     }
 
-    /// Its bindings, by number.
+    /// Its bindings, by number; the first is a [`BuildLaunch`](crate::layout::BuildLaunch).
     pub fn bindings(self) -> &'static [Binding] {
-        use Binding::{Launch, Read, Write};
+        use Binding::{Read, Uniform, Write};
         match self {
-            Self::Bound => &[Launch, Write, Read, Read, Write, Read, Write, Write, Write],
-            Self::Morton => &[Launch, Write, Read, Read, Write, Write, Write],
-            Self::Sort => &[Launch, Read, Read, Write, Write, Write, Write, Write],
-            Self::Cluster => &[Launch, Write, Write, Write, Write, Write, Write, Write],
-            Self::Collapse => &[Launch, Write, Read, Read, Write, Write, Write, Write, Write],
-            Self::Refit => &[Launch, Write, Read, Read, Write, Write, Read, Read, Write],
+            Self::Bound => &[Uniform, Write, Read, Read, Write, Read, Write, Write, Write],
+            Self::Morton => &[Uniform, Write, Read, Read, Write, Write, Write],
+            Self::Sort => &[Uniform, Read, Read, Write, Write, Write, Write, Write],
+            Self::Cluster => &[Uniform, Write, Write, Write, Write, Write, Write, Write],
+            Self::Collapse => &[
+                Uniform, Write, Read, Read, Write, Write, Write, Write, Write,
+            ],
+            Self::Refit => &[Uniform, Write, Read, Read, Write, Write, Read, Read, Write],
         }
     }
 }
@@ -137,7 +130,7 @@ mod tests {
                 .iter()
                 .filter_map(|(_, variable)| {
                     let binding = match variable.space {
-                        AddressSpace::Uniform => Binding::Launch,
+                        AddressSpace::Uniform => Binding::Uniform,
                         AddressSpace::Storage { access } if access == StorageAccess::LOAD => {
                             Binding::Read
                         }

@@ -7,12 +7,23 @@ mod scatter;
 mod shade;
 mod trace;
 
-pub use build::{Binding, BuildStage, EntryPoint, SORT_BITS, SORT_TILE};
+pub use build::{BuildStage, EntryPoint, SORT_BITS, SORT_TILE};
 pub use film::film_source;
 pub use generate::{GeneratePermutation, LensKind, TILE_SQUARE, TimeKind};
 pub use scatter::{SCATTER_WORKGROUP, order_source, scatter_source, share_source, site_source};
 pub use shade::{SHADE_WORKGROUP, ShadePermutation};
 pub use trace::{OccludePermutation, STACKS, TRACE_WORKGROUP, Told, TracePermutation, VISITS};
+
+/// How a stage sees a buffer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Binding {
+    /// Reads it.
+    Read,
+    /// Reads and writes it.
+    Write,
+    /// Reads it: one struct, the same for all.
+    Uniform,
+}
 
 #[cfg(test)]
 mod tests {

@@ -24,7 +24,7 @@
 
 pub(crate) mod forest;
 mod host;
-pub(crate) mod kernels;
+pub(crate) mod run;
 mod trees;
 
 use std::sync::Arc;
@@ -42,7 +42,7 @@ use super::scene::{self, Arrays, MOVES, Made, Page, Start, Unit, upload};
 use super::{Device, FirstOnDevice, GpuError, GpuScene};
 use forest::Forest;
 use host::Bounded;
-use kernels::{Clock, Kernels};
+use run::{Clock, Runner};
 use trees::{Places, Trees, Unmade};
 
 /// Trees that are refitted may cost so much more than when they were made; beyond, they are made anew.
@@ -51,7 +51,7 @@ const WORSE: f32 = 1.25;
 /// Makes trees on a device. Pipelines are compiled once for each permutation.
 #[derive(Debug)]
 pub struct TreeBuilder {
-    kernels: Kernels,
+    runner: Runner,
 }
 
 /// How a scene is made.
@@ -290,8 +290,8 @@ impl Making<'_> {
             first,
             keep,
         } = *self;
-        let (kernels, device) = (&builder.kernels, builder.device());
-        let mut clock = kernels.clock();
+        let (runner, device) = (&builder.runner, builder.device());
+        let mut clock = runner.clock();
         let mut laid = match first < FirstOnDevice::Instances {
             true => laid(world, numbers)?,
             false => laid_with_trees(world, numbers)?,
@@ -310,9 +310,9 @@ impl Making<'_> {
             made.push(match bounded {
                 None => {
                     let vertices = (&vertices[0], &vertices[1]);
-                    Trees::new(kernels, clock, forest, places, vertices)?
+                    Trees::new(runner, clock, forest, places, vertices)?
                 }
-                Some(bounded) => Trees::bounded(kernels, clock, forest, places, &bounded)?,
+                Some(bounded) => Trees::bounded(runner, clock, forest, places, &bounded)?,
             });
         }
         let tops = builder.tops(&mut clock, world)?;
@@ -340,7 +340,7 @@ impl Making<'_> {
             there,
             // Refits bound on the device.
             trees: (keep && first == FirstOnDevice::Bound).then_some(Refits { forests: trees }),
-            seconds: kernels.seconds(&clock)?,
+            seconds: runner.seconds(&clock)?,
         };
         Ok(page)
     }
@@ -350,13 +350,13 @@ impl TreeBuilder {
     /// For this device.
     pub fn new(device: Arc<Device>) -> Self {
         Self {
-            kernels: Kernels::new(device),
+            runner: Runner::new(device),
         }
     }
 
     /// The device.
     pub fn device(&self) -> &Arc<Device> {
-        &self.kernels.device
+        &self.runner.device
     }
 
     fn refit(&self, page: &mut Page, world: &World) -> Result<bool, GpuError> {
@@ -364,7 +364,7 @@ impl TreeBuilder {
             return Ok(false);
         };
         let most = self.device().largest();
-        let mut clock = self.kernels.clock();
+        let mut clock = self.runner.clock();
         let mut laid = laid(world, &scene::all(world))?;
         let now = laid.forests.iter().map(|planted| &planted.forest);
         let same = |(trees, now): (&Trees, &Forest)| trees.forest.is_alike(now);
@@ -384,7 +384,7 @@ impl TreeBuilder {
         let nodes = self.nodes(&laid, forests.iter().chain(tops.trees()), most)?;
         for trees in &*forests {
             let vertices = (&vertices[0], &vertices[1]);
-            if !trees.rebound(&self.kernels, &mut clock, vertices, &nodes)? {
+            if !trees.rebound(&self.runner, &mut clock, vertices, &nodes)? {
                 return Ok(false);
             }
         }
@@ -406,7 +406,7 @@ impl TreeBuilder {
         refitted.made = Made {
             there: true,
             trees: page.made.trees.take(),
-            seconds: self.kernels.seconds(&clock)?,
+            seconds: self.runner.seconds(&clock)?,
         };
         *page = refitted;
         Ok(true)
@@ -428,7 +428,7 @@ impl TreeBuilder {
                 return Ok(None);
             }
             let moves = boxes.iter().any(|(_, b)| !b.is_static());
-            Trees::over(&self.kernels, clock, boxes, moves).map(Some)
+            Trees::over(&self.runner, clock, boxes, moves).map(Some)
         };
         Ok(Tops {
             movers: over(&moving)?,
@@ -484,7 +484,7 @@ impl TreeBuilder {
             ..
         } = laid;
         let mut refit = |trees: &Trees| {
-            let outcomes = trees.refit(&self.kernels, clock, &nodes, first);
+            let outcomes = trees.refit(&self.runner, clock, &nodes, first);
             first += units(trees) as u32;
             outcomes
         };

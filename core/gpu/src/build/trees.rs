@@ -9,7 +9,7 @@ use wgpu::BufferUsages as Usage;
 
 use super::forest::Forest;
 use super::host::Bounded;
-use super::kernels::{Clock, Kernels, Step, sort_steps, workgroups};
+use super::run::{Clock, Runner, Step, sort_steps, workgroups};
 use crate::{Device, GpuError};
 
 /// Items that are bounded in one submission: no driver's patience is tried.
@@ -89,36 +89,36 @@ impl Trees {
     /// Makes the trees over a forest whose vertices are in `planes`, and grids in `grids`. Its blocks are in the buffer that is
     /// given back, in their order.
     pub fn new(
-        kernels: &Kernels,
+        runner: &Runner,
         clock: &mut Clock,
         forest: Forest,
         places: Places,
         (planes, grids): (&wgpu::Buffer, &wgpu::Buffer),
     ) -> Result<(Self, wgpu::Buffer), Unmade> {
-        let device = &*kernels.device;
+        let device = &*runner.device;
         let units = forest.block_units();
         let mut trees = Self::empty(device, forest, places)?;
         let blocks = words(device, "blocks", 4 * units * trees.forest.blocks)?;
         trees.bound(
-            kernels,
+            runner,
             clock,
             (planes, grids),
             (&blocks, trees.places.blocks),
         )?;
         trees.dropped = trees.now_dropped(device)?;
-        trees.shape(kernels, clock)?;
+        trees.shape(runner, clock)?;
         Ok((trees, blocks))
     }
 
     /// The same where the items are bounded already.
     pub fn bounded(
-        kernels: &Kernels,
+        runner: &Runner,
         clock: &mut Clock,
         forest: Forest,
         places: Places,
         bounded: &Bounded,
     ) -> Result<(Self, wgpu::Buffer), Unmade> {
-        let device = &*kernels.device;
+        let device = &*runner.device;
         let mut trees = Self::empty(device, forest, places)?;
         let blocks = device.upload("blocks", cast_slice(&bounded.blocks))?;
         let queue = &device.queue;
@@ -126,18 +126,18 @@ impl Trees {
         queue.write_buffer(&trees.references, 0, cast_slice(&bounded.references));
         queue.write_buffer(&trees.facts, 0, cast_slice(&bounded.facts));
         trees.dropped = trees.now_dropped(device)?;
-        trees.shape(kernels, clock)?;
+        trees.shape(runner, clock)?;
         Ok((trees, blocks))
     }
 
     /// Makes a tree over boxes, which stand for what these references say.
     pub fn over(
-        kernels: &Kernels,
+        runner: &Runner,
         clock: &mut Clock,
         boxes: &[(u32, LinearBox)],
         moves: bool,
     ) -> Result<Self, Unmade> {
-        let device = &*kernels.device;
+        let device = &*runner.device;
         let forest = Forest::over(boxes.len() as u32, moves);
         let mut trees = Self::empty(device, forest, Places::default())?;
         let floats = |b: &LinearBox| {
@@ -161,7 +161,7 @@ impl Trees {
         queue.write_buffer(&trees.boxes, 0, cast_slice(&bounds));
         queue.write_buffer(&trees.references, 0, cast_slice(&references));
         queue.write_buffer(&trees.facts, 0, cast_slice(&facts));
-        trees.shape(kernels, clock)?;
+        trees.shape(runner, clock)?;
         Ok(trees)
     }
 
@@ -195,10 +195,10 @@ impl Trees {
     }
 
     /// Finds which nodes there are, over items whose boxes are there.
-    fn shape(&mut self, kernels: &Kernels, clock: &mut Clock) -> Result<(), Unmade> {
-        let (clusters, state) = self.sorted(kernels, clock)?;
-        let (clusters, children) = self.clustered(kernels, clock, clusters, &state)?;
-        self.collapsed(kernels, clock, &clusters, &children, &state)
+    fn shape(&mut self, runner: &Runner, clock: &mut Clock) -> Result<(), Unmade> {
+        let (clusters, state) = self.sorted(runner, clock)?;
+        let (clusters, children) = self.clustered(runner, clock, clusters, &state)?;
+        self.collapsed(runner, clock, &clusters, &children, &state)
     }
 
     /// Says what item `number` stands for, where that is known only now.
@@ -230,12 +230,12 @@ impl Trees {
     /// Bounds all items anew; the first unit of `nodes`, where blocks go, has place `base`.
     fn bound(
         &self,
-        kernels: &Kernels,
+        runner: &Runner,
         clock: &mut Clock,
         (planes, grids): (&wgpu::Buffer, &wgpu::Buffer),
         (nodes, base): (&wgpu::Buffer, u32),
     ) -> Result<(), GpuError> {
-        let queue = &kernels.device.queue;
+        let queue = &runner.device.queue;
         queue.write_buffer(&self.facts, 0, cast_slice(&self.forest.no_facts()));
         let buffers = [
             &self.boxes,
@@ -262,7 +262,7 @@ impl Trees {
                 set: 0,
             };
             let stage = (BuildStage::Bound, self.forest.moves);
-            kernels.run(clock, stage, &[step], &[&buffers])?;
+            runner.run(clock, stage, &[step], &[&buffers])?;
         }
         Ok(())
     }
@@ -277,10 +277,10 @@ impl Trees {
     /// Items in the order of their keys, as the first clusters.
     fn sorted(
         &self,
-        kernels: &Kernels,
+        runner: &Runner,
         clock: &mut Clock,
     ) -> Result<(wgpu::Buffer, wgpu::Buffer), GpuError> {
-        let device = &*kernels.device;
+        let device = &*runner.device;
         let (items, launch) = (self.forest.items, self.launch());
         let keys = [
             words(device, "keys", 2 * items)?,
@@ -305,7 +305,7 @@ impl Trees {
             &numbers[0],
         ];
         let stage = (BuildStage::Morton, self.forest.moves);
-        kernels.run(clock, stage, &[key], &[&buffers])?;
+        runner.run(clock, stage, &[key], &[&buffers])?;
         let histogram = words(device, "histogram", (launch.tiles << SORT_BITS).max(1))?;
         let clusters = words(device, "clusters", 2 * items)?;
         let begun = BuildState {
@@ -336,19 +336,19 @@ impl Trees {
             set: rounds as usize % 2,
         });
         let stage = (BuildStage::Sort, self.forest.moves);
-        kernels.run(clock, stage, &steps, &[&set(0), &set(1)])?;
+        runner.run(clock, stage, &steps, &[&set(0), &set(1)])?;
         Ok((clusters, state))
     }
 
     /// The last clusters, and the children of nodes of the binary trees.
     fn clustered(
         &self,
-        kernels: &Kernels,
+        runner: &Runner,
         clock: &mut Clock,
         clusters: wgpu::Buffer,
         state: &wgpu::Buffer,
     ) -> Result<(wgpu::Buffer, wgpu::Buffer), Unmade> {
-        let device = &*kernels.device;
+        let device = &*runner.device;
         let (items, launch) = (self.forest.items, self.launch());
         let other = words(device, "clusters", 2 * items)?;
         let nearest = words(device, "neighbours", items)?;
@@ -381,7 +381,7 @@ impl Trees {
             };
             let steps: Vec<Step> = (round..round + ROUNDS).flat_map(steps).collect();
             let stage = (BuildStage::Cluster, self.forest.moves);
-            kernels.run(clock, stage, &steps, &[&set(0), &set(1)])?;
+            runner.run(clock, stage, &steps, &[&set(0), &set(1)])?;
             let now = read_state(device, state)?;
             if now.made == 0 {
                 // After an even number of rounds they stand where they began.
@@ -397,13 +397,13 @@ impl Trees {
     /// Nodes of 8 children.
     fn collapsed(
         &mut self,
-        kernels: &Kernels,
+        runner: &Runner,
         clock: &mut Clock,
         clusters: &wgpu::Buffer,
         children: &wgpu::Buffer,
         state: &wgpu::Buffer,
     ) -> Result<(), Unmade> {
-        let device = &*kernels.device;
+        let device = &*runner.device;
         let (most, launch) = (self.forest.most_nodes(), self.launch());
         let opened = words(device, "opened", most)?;
         let sums = words(device, "sums", 2 * workgroups(most, 128))?;
@@ -435,7 +435,7 @@ impl Trees {
                 next = next.saturating_mul(8).min(most);
             }
             let stage = (BuildStage::Collapse, self.forest.moves);
-            kernels.run(clock, stage, &steps, &[&buffers])?;
+            runner.run(clock, stage, &steps, &[&buffers])?;
             steps.clear();
             let now = read_state(device, state)?;
             let level = now.level as usize;
@@ -454,7 +454,7 @@ impl Trees {
     /// Makes the bounds of all nodes, into `nodes` from place `first` on; gives what became of each object.
     pub fn refit(
         &self,
-        kernels: &Kernels,
+        runner: &Runner,
         clock: &mut Clock,
         nodes: &wgpu::Buffer,
         first: u32,
@@ -491,9 +491,9 @@ impl Trees {
             set: 0,
         });
         let stage = (BuildStage::Refit, self.forest.moves);
-        kernels.run(clock, stage, &steps, &[&buffers])?;
+        runner.run(clock, stage, &steps, &[&buffers])?;
         let mut outcomes = vec![BuildOutcome::default(); self.forest.objects.len()];
-        kernels.device.fetch(&self.outcomes, &mut outcomes)?;
+        runner.device.fetch(&self.outcomes, &mut outcomes)?;
         Ok(outcomes)
     }
 
@@ -508,13 +508,13 @@ impl Trees {
     /// cannot be traced: these trees are of no use then.
     pub fn rebound(
         &self,
-        kernels: &Kernels,
+        runner: &Runner,
         clock: &mut Clock,
         vertices: (&wgpu::Buffer, &wgpu::Buffer),
         nodes: &wgpu::Buffer,
     ) -> Result<bool, GpuError> {
-        self.bound(kernels, clock, vertices, (nodes, 0))?;
-        Ok(self.now_dropped(&kernels.device)? == self.dropped)
+        self.bound(runner, clock, vertices, (nodes, 0))?;
+        Ok(self.now_dropped(&runner.device)? == self.dropped)
     }
 }
 

@@ -1,14 +1,14 @@
-//! The pipelines of the stages that make trees, and runs of their dispatches.
+//! Runs of the dispatches of the stages that make trees.
 
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 use bytemuck::bytes_of;
 use hdtrapeze_shaders::layout::BuildLaunch;
-use hdtrapeze_shaders::stage::{Binding, BuildStage, SORT_BITS};
+use hdtrapeze_shaders::stage::{BuildStage, SORT_BITS};
 use wgpu::BufferUsages as Usage;
 
-use crate::kernel::rows;
+use crate::kernel::{Kernel, Kernels, Launch, record};
 use crate::{Device, GpuError};
 
 /// From launch to launch in a buffer: what every device takes as an offset.
@@ -20,17 +20,11 @@ const TIMED: u32 = 256;
 /// A stage, and whether bounds move.
 type Permutation = (BuildStage, bool);
 
-/// Pipelines, compiled once for each permutation.
+/// Runs stages, each compiled once for each permutation.
 #[derive(Debug)]
-pub(crate) struct Kernels {
+pub(crate) struct Runner {
     pub device: Arc<Device>,
-    known: Mutex<HashMap<Permutation, Arc<Kernel>>>,
-}
-
-#[derive(Debug)]
-struct Kernel {
-    layout: wgpu::BindGroupLayout,
-    pipelines: HashMap<&'static str, wgpu::ComputePipeline>,
+    kernels: Kernels<Permutation>,
 }
 
 /// A dispatch.
@@ -48,11 +42,11 @@ pub(crate) struct Clock {
     stages: Vec<BuildStage>,
 }
 
-impl Kernels {
+impl Runner {
     pub fn new(device: Arc<Device>) -> Self {
         Self {
             device,
-            known: Mutex::default(),
+            kernels: Kernels::default(),
         }
     }
 
@@ -97,39 +91,24 @@ impl Kernels {
         let usage = Usage::UNIFORM | Usage::COPY_DST;
         let launches = device.buffer("launches", bytes.len() as u64, usage)?;
         device.queue.write_buffer(&launches, 0, &bytes);
-        let group = |buffers: &&[&wgpu::Buffer]| {
-            let size = wgpu::BufferSize::new(size_of::<BuildLaunch>() as u64);
+        let group = |(set, offset): (usize, u32)| {
             let launch = wgpu::BindingResource::Buffer(wgpu::BufferBinding {
                 buffer: &launches,
-                offset: 0,
-                size,
+                offset: offset.into(),
+                size: wgpu::BufferSize::new(size_of::<BuildLaunch>() as u64),
             });
-            let storage = buffers.iter().map(|buffer| buffer.as_entire_binding());
-            let entries: Vec<wgpu::BindGroupEntry<'_>> = (0u32..)
-                .zip(std::iter::once(launch).chain(storage))
-                .map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource })
-                .collect();
-            let descriptor = wgpu::BindGroupDescriptor {
-                label: Some(stage.name()),
-                layout: &kernel.layout,
-                entries: &entries,
-            };
-            device.device.create_bind_group(&descriptor)
+            let storage = sets[set].iter().map(|buffer| buffer.as_entire_binding());
+            kernel.group(device, 0, std::iter::once(launch).chain(storage))
         };
-        let groups: Vec<wgpu::BindGroup> = sets.iter().map(group).collect();
+        let mut groups: HashMap<(usize, u32), wgpu::BindGroup> = HashMap::new();
+        let launch = |(step, offset): (&Step, u32)| -> Launch {
+            let key = (step.set, offset);
+            let group = groups.entry(key).or_insert_with(|| group(key)).clone();
+            kernel.launch_at(device, step.entry, vec![group], step.workgroups)
+        };
+        let steps: Vec<Launch> = steps.iter().zip(offsets).map(launch).collect();
         let mut encoder = device.device.create_command_encoder(&Default::default());
-        {
-            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-                label: Some(stage.name()),
-                timestamp_writes: clock.stamp(stage),
-            });
-            for (step, offset) in steps.iter().zip(offsets) {
-                pass.set_pipeline(&kernel.pipelines[step.entry]);
-                pass.set_bind_group(0, &groups[step.set], &[offset]);
-                let [across, rows] = rows(device, step.workgroups);
-                pass.dispatch_workgroups(across, rows, 1);
-            }
-        }
+        record(&mut encoder, &steps, clock.stamp(stage));
         device.queue.submit([encoder.finish()]);
         device.check()
     }
@@ -157,67 +136,13 @@ impl Kernels {
         Ok(BuildStage::ALL.map(spent).to_vec())
     }
 
-    fn kernel(&self, permutation: Permutation) -> Result<Arc<Kernel>, GpuError> {
-        let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(kernel) = known.get(&permutation) {
-            return Ok(Arc::clone(kernel));
-        }
-        let kernel = Arc::new(self.compiled(permutation)?);
-        known.insert(permutation, Arc::clone(&kernel));
-        Ok(kernel)
-    }
-
-    fn compiled(&self, (stage, moves): Permutation) -> Result<Kernel, GpuError> {
-        let device = &self.device.device;
-        let entry = |(binding, kind): (u32, &Binding)| wgpu::BindGroupLayoutEntry {
-            binding,
-            visibility: wgpu::ShaderStages::COMPUTE,
-            ty: wgpu::BindingType::Buffer {
-                ty: match kind {
-                    Binding::Launch => wgpu::BufferBindingType::Uniform,
-                    Binding::Read => wgpu::BufferBindingType::Storage { read_only: true },
-                    Binding::Write => wgpu::BufferBindingType::Storage { read_only: false },
-                },
-                has_dynamic_offset: *kind == Binding::Launch,
-                min_binding_size: None,
-            },
-            count: None,
-        };
-        let scope = device.push_error_scope(wgpu::ErrorFilter::Validation);
-        let entries: Vec<_> = (0..).zip(stage.bindings()).map(entry).collect();
-        let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-            label: Some(stage.name()),
-            entries: &entries,
-        });
-        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some(stage.name()),
-            source: wgpu::ShaderSource::Wgsl(stage.source(moves).into()),
-        });
-        let whole = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some(stage.name()),
-            bind_group_layouts: &[Some(&layout)],
-            immediate_size: 0,
-        });
-        let pipelines = stage.entry_points().iter().map(|&(name, _)| {
-            let descriptor = wgpu::ComputePipelineDescriptor {
-                label: Some(name),
-                layout: Some(&whole),
-                module: &module,
-                entry_point: Some(name),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                cache: None,
-            };
-            (name, device.create_compute_pipeline(&descriptor))
-        });
-        let pipelines = pipelines.collect();
-        if let Some(error) = pollster::block_on(scope.pop()) {
-            return Err(GpuError::Failed {
-                name: self.device.found().name.clone(),
-                why: error.to_string(),
-            });
-        }
-        self.device.check()?;
-        Ok(Kernel { layout, pipelines })
+    fn kernel(&self, (stage, moves): Permutation) -> Result<Arc<Kernel>, GpuError> {
+        self.kernels.get((stage, moves), || {
+            let entries = stage.entry_points().iter().map(|&(name, _)| name);
+            let entries: Vec<&'static str> = entries.collect();
+            let (source, groups) = (stage.source(moves), [stage.bindings()]);
+            Kernel::with_entries(&self.device, stage.name(), &source, &entries, &groups)
+        })
     }
 }
 
