@@ -4,7 +4,7 @@ use std::sync::{Arc, Mutex, OnceLock};
 
 use hdtrapeze_core::scene::Backend;
 pub use hdtrapeze_gpu::device::{Found, Kind};
-use hdtrapeze_gpu::{Device, FirstOnDevice, Stages};
+use hdtrapeze_gpu::{Device, FirstOnDevice, FrameOptions, Stages};
 
 use crate::error::Error;
 use crate::status::lock;
@@ -15,19 +15,20 @@ static STAGES: Mutex<Option<Arc<Stages>>> = Mutex::new(None);
 /// Names the first stage that a GPU runs, where those before it are to run on the CPU: to narrow a difference down to a stage.
 const FIRST_ON_GPU: &str = "HDTRAPEZE_FIRST_ON_GPU";
 
-/// The first stage that a GPU runs, as the environment has it.
+/// How scenes are taken to a GPU, as the environment has it.
 ///
 /// # Errors
 /// It names no stage.
-pub fn first_on_gpu() -> Result<FirstOnDevice, Error> {
-    let Some(name) = std::env::var_os(FIRST_ON_GPU).filter(|name| !name.is_empty()) else {
-        return Ok(FirstOnDevice::default());
-    };
-    let named = name.to_str().and_then(FirstOnDevice::named);
-    named.ok_or_else(|| {
-        let all = FirstOnDevice::ALL.map(FirstOnDevice::name).join(", ");
-        Error::InvalidArgument(format!("{FIRST_ON_GPU} is none of {all}"))
-    })
+pub fn gpu_options() -> Result<FrameOptions, Error> {
+    let mut options = FrameOptions::default();
+    if let Some(name) = std::env::var_os(FIRST_ON_GPU).filter(|name| !name.is_empty()) {
+        let named = name.to_str().and_then(FirstOnDevice::named);
+        options.first = named.ok_or_else(|| {
+            let all = FirstOnDevice::ALL.map(FirstOnDevice::name).join(", ");
+            Error::InvalidArgument(format!("{FIRST_ON_GPU} is none of {all}"))
+        })?;
+    }
+    Ok(options)
 }
 
 /// All devices there are, the best first; looked for once.

@@ -582,13 +582,13 @@ impl Session {
         let Some(stages) = backend::open(prepared.settings().backend)? else {
             return Ok(None);
         };
-        let first = backend::first_on_gpu()?;
+        let options = backend::gpu_options()?;
         // Nobody else renders it any more.
         let before = before.and_then(Arc::into_inner);
         let before = before.filter(|gpu| gpu.is_of(&stages));
         let upload = || match before {
             Some(before) => before.after(prepared),
-            None => GpuFrame::starting_at(first, stages, prepared),
+            None => GpuFrame::with(options, stages, prepared),
         };
         match self.shared.guard(upload)? {
             Ok(gpu) => Ok(Some(Arc::new(gpu))),

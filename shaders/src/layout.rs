@@ -77,8 +77,10 @@ pub struct Object {
     /// Largest magnitude of any coordinate or bound.
     pub radius: f32,
     /// First word of the numbers that its grids have in the whole object, where a page has only some of them;
-    /// `u32::MAX` where they are all there.
+    /// `u32::MAX` where they are all there. They ascend.
     pub numbers: u32,
+    /// How many grids it has here.
+    pub grid_count: u32,
 }
 
 /// One instance of an object.
@@ -137,6 +139,12 @@ pub struct SiteLaunch {
     pub ray_count: u32,
     /// Rays of one row of workgroups.
     pub row: u32,
+    /// Number of the page.
+    pub page: u32,
+    /// Instances on it.
+    pub instances: u32,
+    /// First word of their numbers, which ascend, and after these of the place of each; `u32::MAX` where they are their places.
+    pub places: u32,
 }
 
 /// What a launch of the stage `scatter` works on.
@@ -333,6 +341,12 @@ pub struct ShadeLaunch {
     pub row: u32,
     /// Radiance of a white surface that looks along the axis of view.
     pub light: f32,
+    /// Number of the page.
+    pub page: u32,
+    /// Instances on it.
+    pub instances: u32,
+    /// First word of their numbers, which ascend, and after these of the place of each; `u32::MAX` where they are their places.
+    pub places: u32,
 }
 
 /// What one camera sample brings home.
@@ -522,7 +536,8 @@ mod tests {
                 key_times,
                 key_count,
                 radius,
-                numbers
+                numbers,
+                grid_count
             }),
             rust_layout!(Instance {
                 number,
@@ -545,7 +560,13 @@ mod tests {
                 normal,
                 offset
             }),
-            rust_layout!(SiteLaunch { ray_count, row }),
+            rust_layout!(SiteLaunch {
+                ray_count,
+                row,
+                page,
+                instances,
+                places
+            }),
             rust_layout!(ScatterLaunch {
                 seed,
                 digits,
@@ -634,7 +655,10 @@ mod tests {
             rust_layout!(ShadeLaunch {
                 ray_count,
                 row,
-                light
+                light,
+                page,
+                instances,
+                places
             }),
             rust_layout!(Sample {
                 color,

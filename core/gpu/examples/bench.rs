@@ -2,9 +2,9 @@
 //!
 //! ```text
 //! cargo build --release -p hdtrapeze-gpu --example bench
-//! target/release/examples/bench [--size MILLIONS] [--image PIXELS] [--repeat TIMES] [--no-cpu]
+//! target/release/examples/bench [--size MILLIONS] [--image PIXELS] [--repeat TIMES] [--no-cpu] [--page MIB]
 //! target/release/examples/bench --occlusion [--size MILLIONS] [--image PIXELS]
-//! target/release/examples/bench --frame SAMPLES [--from STAGE]
+//! target/release/examples/bench --frame SAMPLES [--from STAGE] [--page MIB]
 //! ```
 //!
 //! Scenes of about so many million micropolygons (1): a rippling sheet, tumbling patches, fur; each still, sharp (out of focus
@@ -15,6 +15,8 @@
 //!
 //! Bytes and operations are what the tests imply; their parts of the device's peaks are told with `--peak-gbps` and
 //! `--peak-tflops`, which it does not tell itself.
+//!
+//! `--page`: no array of a page is larger, as on devices that bind no more at once (128 MiB is what each binds).
 //!
 //! `--occlusion`: 16 rays from each first hit, as they stand and in order.
 //!
@@ -40,7 +42,9 @@ use glam::{DVec3, Vec3};
 use hdtrapeze_core::bvh::ObjectGeometry;
 use hdtrapeze_core::grid::DicedMesh;
 use hdtrapeze_core::trace::{Hit, InstanceTransform, Ray, TraceCounts, World};
-use hdtrapeze_gpu::{BuildOptions, Device, FirstOnDevice, GpuScene, Tracer, TreeBuilder};
+use hdtrapeze_gpu::{
+    BuildOptions, Device, FirstOnDevice, FrameOptions, GpuScene, Tracer, TreeBuilder,
+};
 use rayon::prelude::*;
 use trace_scenes::lens::Lens;
 use trace_scenes::{fur, instance, keys, patches, sheet, world_of};
@@ -64,8 +68,8 @@ struct Options {
     occlusion: bool,
     /// Samples of a frame, where that is asked for.
     frame: Option<u32>,
-    /// The first stage of the frame that the device runs.
-    from: FirstOnDevice,
+    /// How frames and scenes are taken to the device.
+    there: FrameOptions,
 }
 
 fn options() -> Result<Options, Box<dyn Error>> {
@@ -77,7 +81,7 @@ fn options() -> Result<Options, Box<dyn Error>> {
         peaks: Peaks::default(),
         occlusion: false,
         frame: None,
-        from: FirstOnDevice::default(),
+        there: FrameOptions::default(),
     };
     let mut arguments = std::env::args().skip(1);
     while let Some(flag) = arguments.next() {
@@ -90,8 +94,9 @@ fn options() -> Result<Options, Box<dyn Error>> {
             "--from" => {
                 let name = value()?;
                 let named = FirstOnDevice::named(&name);
-                options.from = named.ok_or(format!("{name} is no stage"))?;
+                options.there.first = named.ok_or(format!("{name} is no stage"))?;
             }
+            "--page" => options.there.most = value()?.parse::<u64>()? << 20,
             "--peak-gbps" => options.peaks.gbps = Some(value()?.parse()?),
             "--peak-tflops" => options.peaks.tflops = Some(value()?.parse()?),
             "--occlusion" => options.occlusion = true,
@@ -152,18 +157,19 @@ fn run() -> Result<(), Box<dyn Error>> {
     let found = device.found();
     println!("device: {}, {}, {}", found.name, found.api, found.driver);
     if let Some(samples) = options.frame {
-        return bench_frame::run(&device, (samples, options.from), DIFFERENT, options.peaks);
+        return bench_frame::run(&device, (samples, options.there), DIFFERENT, options.peaks);
     }
     if options.occlusion {
         return occlusion(&device, &options);
     }
     println!(
-        "{:<8} {:<7} {:<7} {:>8} {:>8} {:>9} {:>9} {:>8} {:>8} {:>9} {:>9} {}",
+        "{:<8} {:<7} {:<7} {:>8} {:>8} {:>5} {:>9} {:>9} {:>8} {:>8} {:>9} {:>9} {}",
         "scene",
         "motion",
         "trees",
         "Mcells",
         "MiB",
+        "pages",
         "layout s",
         "Mrays/s",
         "nodes",
@@ -263,6 +269,7 @@ impl Bench {
     fn scene(&self, world: &World, first: FirstOnDevice) -> Result<GpuScene, Box<dyn Error>> {
         let options = BuildOptions {
             first,
+            most: self.options.there.most,
             ..BuildOptions::default()
         };
         Ok(GpuScene::build(&self.builder, world, &options)?)
@@ -301,8 +308,9 @@ impl Bench {
         }
         let per_ray = |count: u64| count as f64 / rays.len() as f64;
         println!(
-            " {:>8.0} {layout:>9.2} {:>9.1} {:>8.1} {:>8.1} {differ:>9.6} {:>9} {}",
+            " {:>8.0} {:>5} {layout:>9.2} {:>9.1} {:>8.1} {:>8.1} {differ:>9.6} {:>9} {}",
             scene.bytes() as f64 / f64::from(1 << 20),
+            scene.page_count(),
             rays.len() as f64 / best * 1e-6,
             per_ray(counts.node_tests),
             per_ray(counts.cell_tests),

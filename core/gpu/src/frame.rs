@@ -30,13 +30,30 @@ pub struct Stages {
     filmer: Filmer,
 }
 
+/// How a scene is taken to a device.
+#[derive(Clone, Copy, Debug)]
+pub struct FrameOptions {
+    /// The first stage that is run there: a difference is narrowed down by moving it.
+    pub first: FirstOnDevice,
+    /// Bytes of the largest array of a page.
+    pub most: u64,
+}
+
+impl Default for FrameOptions {
+    fn default() -> Self {
+        Self {
+            first: FirstOnDevice::default(),
+            most: u64::MAX,
+        }
+    }
+}
+
 /// A committed scene on a device.
 #[derive(Debug)]
 pub struct GpuFrame {
     stages: Arc<Stages>,
     scene: GpuScene,
-    /// The first stage that is run here.
-    first: FirstOnDevice,
+    options: FrameOptions,
     /// Its trees are those of the scene before, with other bounds.
     refitted: bool,
     /// Where it draws the rays of this camera.
@@ -71,27 +88,27 @@ impl GpuFrame {
     /// # Errors
     /// It is larger than the device takes, or holds what a GPU cannot trace; or the device is lost.
     pub fn new(stages: Arc<Stages>, prepared: &Prepared) -> Result<Self, GpuError> {
-        Self::starting_at(FirstOnDevice::Bound, stages, prepared)
+        Self::with(FrameOptions::default(), stages, prepared)
     }
 
-    /// The same with stages before `first` on the CPU, to narrow a difference down to a stage.
+    /// The same, in a way that is asked for.
     ///
     /// # Errors
     /// As [`GpuFrame::new`]; or the CPU does all of the stages that are left.
-    pub fn starting_at(
-        first: FirstOnDevice,
+    pub fn with(
+        options: FrameOptions,
         stages: Arc<Stages>,
         prepared: &Prepared,
     ) -> Result<Self, GpuError> {
         refuse_culling(prepared)?;
-        let options = BuildOptions {
-            first,
+        let build = BuildOptions {
+            first: options.first,
+            most: options.most,
             // Who keeps grids where only the camera moves edits, and may move points as well.
             refits: prepared.settings().keep_finer,
-            ..BuildOptions::default()
         };
-        let scene = GpuScene::build(&stages.builder, prepared.world(), &options)?;
-        Self::around(first, stages, scene, prepared)
+        let scene = GpuScene::build(&stages.builder, prepared.world(), &build)?;
+        Self::around(options, stages, scene, prepared)
     }
 
     /// The same as [`GpuFrame::new`] for a scene that came after this one: trees whose grids are as they were are refitted,
@@ -104,29 +121,29 @@ impl GpuFrame {
         let Self {
             stages,
             mut scene,
-            first,
+            options,
             ..
         } = self;
         let refitted = match scene.refit(&stages.builder, prepared.world()) {
-            // There may be room for one of both, or for several pages.
+            // There may be room for one of both, or for more pages.
             Err(
                 GpuError::TooLarge { .. } | GpuError::OutOfMemory { .. } | GpuError::Unsupported(_),
             ) => false,
             refitted => refitted?,
         };
         if refitted {
-            let frame = Self::around(first, stages, scene, prepared)?;
+            let frame = Self::around(options, stages, scene, prepared)?;
             return Ok(Self {
                 refitted: true,
                 ..frame
             });
         }
         drop(scene);
-        Self::starting_at(first, stages, prepared)
+        Self::with(options, stages, prepared)
     }
 
     fn around(
-        first: FirstOnDevice,
+        options: FrameOptions,
         stages: Arc<Stages>,
         scene: GpuScene,
         prepared: &Prepared,
@@ -149,15 +166,15 @@ impl GpuFrame {
                 (Some(camera), looks)
             }
         };
-        match (&looks, first > FirstOnDevice::Trace) {
+        match (&looks, options.first > FirstOnDevice::Trace) {
             (Err(why), true) => Err(GpuError::Nothing {
-                first: first.name(),
+                first: options.first.name(),
                 why: why.clone(),
             }),
             _ => Ok(Self {
                 stages,
                 scene,
-                first,
+                options,
                 refitted: false,
                 camera,
                 looks,
@@ -183,6 +200,11 @@ impl GpuFrame {
         })
     }
 
+    /// Pages that its scene is on.
+    pub fn page_count(&self) -> usize {
+        self.scene.page_count()
+    }
+
     /// Bytes of the scene on the device.
     pub fn bytes(&self) -> u64 {
         self.scene.bytes()
@@ -200,7 +222,7 @@ impl GpuFrame {
 
     /// The same, and what is done there.
     pub fn explain(&self) -> String {
-        let first = self.first.of_samples();
+        let first = self.options.first.of_samples();
         let done = match (&self.camera, &self.looks) {
             (_, Ok(_)) => match first {
                 Stage::Generate => "draws, traces, shades and films samples",
@@ -224,11 +246,15 @@ impl GpuFrame {
             (true, true) => "refits trees, ",
             (false, _) => "",
         };
-        let from = match self.first {
+        let from = match self.options.first {
             FirstOnDevice::Bound => String::new(),
             first => format!(", from the stage {} on", first.name()),
         };
-        format!("{}{from}, which {trees}{done}", self.name())
+        let pages = match self.page_count() {
+            1 => String::new(),
+            count => format!(" on {count} pages"),
+        };
+        format!("{}{from}, which {trees}{done}{pages}", self.name())
     }
 
     /// True where its trees are those of the scene before, with other bounds.
@@ -271,7 +297,7 @@ impl GpuFrame {
         let timed = self.seconds.is_some();
         let tiles = &GpuTiles::new(device, tiles, camera.has_time)?;
         let hits_made: Vec<layout::Hit> = made.hits.iter().map(to_layout).collect();
-        let first = self.first.of_samples();
+        let first = self.options.first.of_samples();
         if first == Stage::Film {
             let hits = device.upload("hits", bytemuck::cast_slice(&hits_made))?;
             let samples = made.jobs.iter().zip(&made.colors);
@@ -339,8 +365,8 @@ fn refuse_culling(prepared: &Prepared) -> Result<(), GpuError> {
 impl RayTracer for GpuFrame {
     fn stages(&self) -> RangeInclusive<Stage> {
         match (&self.camera, &self.looks) {
-            (Some(_), Ok(_)) => self.first.of_samples()..=Stage::Film,
-            (Some(_), Err(_)) => self.first.of_samples()..=Stage::Trace,
+            (Some(_), Ok(_)) => self.options.first.of_samples()..=Stage::Film,
+            (Some(_), Err(_)) => self.options.first.of_samples()..=Stage::Trace,
             (None, _) => Stage::Trace..=Stage::Trace,
         }
     }

@@ -32,7 +32,7 @@ pub use build::{BuildOptions, TreeBuilder};
 pub use device::{Device, Found};
 pub use error::GpuError;
 pub use first::FirstOnDevice;
-pub use frame::{GpuFrame, Stages};
+pub use frame::{FrameOptions, GpuFrame, Stages};
 pub use generate::{GpuCamera, RayMaker};
 pub use occlude::{Occluder, Occlusion};
 pub use scene::GpuScene;

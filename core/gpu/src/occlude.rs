@@ -147,7 +147,7 @@ impl Occluder {
     /// Where rays leave the first hits, as the layout's [`Site`], by the numbers of the rays that met them.
     ///
     /// # Errors
-    /// They are more than the device takes at once, or it is lost; or the scene is on several pages.
+    /// They are more than the device takes at once, or it is lost.
     pub fn sites(
         &self,
         scene: &GpuScene,
@@ -157,34 +157,38 @@ impl Occluder {
     ) -> Result<(wgpu::Buffer, Option<f64>), GpuError> {
         let device = &*self.device;
         device.check()?;
-        let [page] = &scene.pages[..] else {
-            let what = "what leaves the hits of a scene on several pages".to_owned();
-            return Err(GpuError::Unsupported(what));
-        };
         let sites = self.storage("sites", len * size_of::<Site>())?;
-        let [_, planes, words, objects, instances, matrices] = &page.group;
         let (count, row) = self.size(len);
-        let launch = SiteLaunch {
-            ray_count: len as u32,
-            row,
-        };
-        let launch = device.uniform("launch", &launch)?;
-        let time = page.permutation.time;
-        let kernel = self.sites.get(time, || {
-            let batch = [
-                Binding::Read,
-                Binding::Read,
-                Binding::Uniform,
-                Binding::Write,
+        let mut seconds = None;
+        for (number, page) in scene.pages.iter().enumerate() {
+            let [_, planes, words, objects, instanced, matrices] = &page.group;
+            let [instances, places] = page.instances();
+            let launch = SiteLaunch {
+                ray_count: len as u32,
+                row,
+                page: number as u32,
+                instances,
+                places,
+            };
+            let launch = device.uniform("launch", &launch)?;
+            let time = page.permutation.time;
+            let kernel = self.sites.get(time, || {
+                let batch = [
+                    Binding::Read,
+                    Binding::Read,
+                    Binding::Uniform,
+                    Binding::Write,
+                ];
+                let groups: [&[Binding]; 2] = [&[Binding::Read; 5], &batch];
+                Kernel::new(device, "site", &site_source(time), &groups)
+            })?;
+            let groups: [&[&wgpu::Buffer]; 2] = [
+                &[planes, words, objects, instanced, matrices],
+                &[rays, hits, &launch, &sites],
             ];
-            let groups: [&[Binding]; 2] = [&[Binding::Read; 5], &batch];
-            Kernel::new(device, "site", &site_source(time), &groups)
-        })?;
-        let groups: [&[&wgpu::Buffer]; 2] = [
-            &[planes, words, objects, instances, matrices],
-            &[rays, hits, &launch, &sites],
-        ];
-        let seconds = kernel.launch(device, &groups, count).run(device, timed)?;
+            let launched = kernel.launch(device, &groups, count);
+            add(&mut seconds, launched.run(device, timed)?);
+        }
         Ok((sites, seconds))
     }
 

@@ -25,6 +25,8 @@ struct Size {
     words: u64,
     instances: u64,
     matrices: u64,
+    /// Normals and colours of vertices.
+    paints: u64,
 }
 
 impl Size {
@@ -35,8 +37,10 @@ impl Size {
             words,
             instances,
             matrices,
+            paints,
         } = *self;
-        nodes.max(planes).max(words).max(instances).max(matrices)
+        let trees = nodes.max(planes).max(words);
+        trees.max(instances).max(matrices).max(paints)
     }
 
     fn plus(&self, o: &Self, times: u64) -> Self {
@@ -46,6 +50,7 @@ impl Size {
             words: self.words + o.words * times,
             instances: self.instances + o.instances * times,
             matrices: self.matrices + o.matrices * times,
+            paints: self.paints + o.paints * times,
         }
     }
 }
@@ -114,13 +119,15 @@ fn room(base: &Size, each: &Size, most: u64) -> usize {
     usize::try_from(least).unwrap_or(usize::MAX)
 }
 
-/// What an instance takes: its share of a tree of full nodes, about, and its rows.
+/// What an instance takes: its share of a tree of full nodes, about, which is more than how it looks; its rows; its number
+/// and its place, to look it up.
 fn instance(key_times: Option<&[f32]>) -> Size {
     let rows = 3 * key_times.map_or(1, <[f32]>::len);
     Size {
         nodes: u64::from(node_words::<LinearSlabs>()),
         instances: size_of::<Instance>() as u64,
         matrices: 16 * rows as u64,
+        words: 2 * size_of::<u32>() as u64,
         ..Size::default()
     }
 }
@@ -237,8 +244,19 @@ fn grid_size(grid: &Grid, mesh: &PlanarMesh, nodes: u64) -> Size {
         nodes,
         planes: 12 * (grid.vertex_count() * mesh.key_count()) as u64,
         words: (size_of::<GridHeader>() + size_of::<u32>()) as u64,
+        paints: grid.vertex_count() as u64 * paint_bytes(mesh),
         ..Size::default()
     }
+}
+
+/// Bytes of a vertex's normals, and of its colours if the widest channel is that.
+fn paint_bytes(mesh: &PlanarMesh) -> u64 {
+    let widest = mesh.channels.iter().map(|channel| channel.width).max();
+    let normals = match mesh.normals.is_empty() {
+        true => 0,
+        false => mesh.normal_key_count,
+    };
+    4 * (normals + widest.unwrap_or(0)) as u64
 }
 
 /// What a grid takes whose object has its tree made on the device: all blocks may have frames, and nodes are more than
@@ -276,6 +294,7 @@ fn whole(object: &ObjectGeometry) -> Size {
         nodes: spare * (stats.nodes * bytes(node) + stats.blocks * bytes(block)),
         planes: size_of_val(mesh.planes()) as u64,
         words: (size_of::<GridHeader>() * mesh.grids.len()) as u64 + spare * 36 * frames,
+        paints: mesh.vertex_count as u64 * paint_bytes(mesh),
         ..Size::default()
     }
 }

@@ -14,6 +14,7 @@ use hdtrapeze_core::bvh::node::Lattice8;
 use hdtrapeze_core::bvh::object::{Blas, BlockTree, LOOSE};
 use hdtrapeze_core::bvh::{Bounds8, Frame, Node, ObjectGeometry, Tree, U};
 use hdtrapeze_core::grid::PlanarMesh;
+use hdtrapeze_core::trace::InstanceSet;
 use hdtrapeze_core::trace::World;
 use hdtrapeze_core::trace::parts::{Parts, Placement, Top};
 use hdtrapeze_core::trace::piece::{InWhole, Pick, Trees};
@@ -44,7 +45,14 @@ const CARRIED_PAD: f32 = 16.0 * U;
 #[derive(Debug)]
 pub struct GpuScene {
     pub(crate) pages: Vec<Page>,
+    /// What each page has, where there are several.
+    pub(crate) plan: Vec<Vec<Pick>>,
+    /// What the plan is made for.
+    pub(crate) sets: Vec<SetShape>,
 }
+
+/// Instances of a set, and grids of its object.
+pub(crate) type SetShape = [usize; 2];
 
 /// What rays are traced through at once.
 #[derive(Debug)]
@@ -55,6 +63,10 @@ pub(crate) struct Page {
     pub root: u32,
     pub radius: f32,
     pub pad: f32,
+    /// What its instances are of the whole.
+    pub numbers: Vec<InWhole>,
+    /// Where the numbers of its instances are looked up.
+    pub places: u32,
     /// Who made its trees.
     pub made: Made,
 }
@@ -77,6 +89,8 @@ pub(crate) struct Arrays {
     pub objects: Vec<Object>,
     instances: Vec<Instance>,
     matrices: Vec<[f32; 4]>,
+    /// Where the numbers of instances are among the words, and after them their places; `u32::MAX` where all are there, in order.
+    places: u32,
     /// Where the key times that were added last are among the words, the last of all where nothing came after.
     last_times: usize,
     /// Something moves.
@@ -139,7 +153,12 @@ impl GpuScene {
             plan.iter().map(piece).collect::<Result<_, _>>()?
         };
         device.check()?;
-        Ok(Self { pages })
+        let one = pages.len() == 1;
+        Ok(Self {
+            pages,
+            plan: if one { Vec::new() } else { plan },
+            sets: shapes(parts),
+        })
     }
 
     /// Pages that rays are traced through, one after the other.
@@ -157,6 +176,12 @@ impl GpuScene {
         let buffers = self.pages.iter().flat_map(|page| &page.group);
         buffers.map(wgpu::Buffer::size).sum()
     }
+}
+
+/// Of each set what plans depend on.
+pub(crate) fn shapes(parts: &Parts<'_>) -> Vec<SetShape> {
+    let shape = |set: &Arc<InstanceSet>| [set.len(), set.object().mesh().grids.len()];
+    parts.sets().map(shape).collect()
 }
 
 /// What a GPU cannot trace is refused.
@@ -236,13 +261,13 @@ impl Page {
             )?,
             upload(device, most, "grids", bytemuck::cast_slice(&arrays.words))?,
         ];
-        Self::of(device, world, &arrays, trees, start, most)
+        Self::of(device, (world, numbers), &arrays, trees, start, most)
     }
 
     /// Uploads the rest of a world whose nodes, vertices and grids are there.
     pub(crate) fn of(
         device: &Device,
-        world: &World,
+        (world, numbers): (&World, &[InWhole]),
         arrays: &Arrays,
         [nodes, planes, words]: [wgpu::Buffer; 3],
         start: Start,
@@ -271,8 +296,15 @@ impl Page {
             root: start.root,
             radius: world.radius(),
             pad: CARRIED_PAD * condition * condition,
+            numbers: numbers.to_vec(),
+            places: arrays.places,
             made: Made::default(),
         })
+    }
+
+    /// Its instances, and where stages behind `trace` look their numbers up.
+    pub fn instances(&self) -> [u32; 2] {
+        [self.numbers.len() as u32, self.places]
     }
 }
 
@@ -299,6 +331,7 @@ impl Arrays {
             objects: Vec::new(),
             instances: Vec::new(),
             matrices: Vec::new(),
+            places: EMPTY,
             last_times: 0,
             time: false,
         }
@@ -329,7 +362,25 @@ impl Arrays {
             };
             self.instance(whole.instance, place, &parts.placement(i));
         }
+        self.look_up(numbers);
         Ok(())
+    }
+
+    /// Adds the numbers that instances have in the whole, where those are not their places.
+    fn look_up(&mut self, numbers: &[InWhole]) {
+        let is_at =
+            |(place, number): (u32, &InWhole)| number.instance == place && number.grids.is_none();
+        if (0..).zip(numbers).all(is_at) {
+            return;
+        }
+        self.places = self.words.len() as u32;
+        let mut order: Vec<u32> = (0..numbers.len() as u32).collect();
+        order.sort_by_key(|&place| numbers[place as usize].instance);
+        let number = |&place: &u32| numbers[place as usize].instance;
+        self.words.extend(order.iter().map(number));
+        self.words.extend(order);
+        // Times that follow are not shared with what came before.
+        self.last_times = self.words.len();
     }
 
     /// Adds an object; gives the entries of the stack that its tree needs.
@@ -384,6 +435,7 @@ impl Arrays {
             key_count: mesh.key_count() as u32,
             radius,
             numbers,
+            grid_count: mesh.grids.len() as u32,
         });
         self.planes.extend_from_slice(mesh.planes());
     }

@@ -3,6 +3,7 @@
 //! Normals, colours and matrices are those that core shades with; f64 is used nowhere. A colour is off by some roundings
 //! times the condition of an instance's matrix; the tests state how many.
 
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::f32::consts::PI;
 use std::sync::Arc;
@@ -11,11 +12,14 @@ use hdtrapeze_core::aov::Aov;
 use hdtrapeze_core::bvh::ObjectGeometry;
 use hdtrapeze_core::render::Prepared;
 use hdtrapeze_core::shade::{Source, Values};
+use hdtrapeze_core::trace::InstanceSet;
+use hdtrapeze_core::trace::piece::InWhole;
 use hdtrapeze_shaders::layout::{Look, Sample, ShadeLaunch};
 use hdtrapeze_shaders::stage::{SHADE_WORKGROUP, ShadePermutation, TimeKind};
 use wgpu::BufferUsages as Usage;
 
-use super::kernel::{Binding, Kernel, Kernels, rows};
+use super::kernel::{Binding, Kernel, Kernels, rows, run};
+use super::scene::Page;
 use super::{Device, GpuCamera, GpuError, GpuScene};
 
 /// Storage buffers that the stage sees.
@@ -31,8 +35,8 @@ const VERTICES: u32 = 2;
 pub struct GpuLooks {
     /// What the stage `shade` needs for it.
     pub permutation: ShadePermutation,
-    looks: wgpu::Buffer,
-    paints: wgpu::Buffer,
+    /// Of each page the looks of its instances, and their colours and normals.
+    pages: Vec<[wgpu::Buffer; 2]>,
     /// Radiance of a white surface that looks along the axis of view.
     light: f32,
 }
@@ -58,33 +62,45 @@ impl GpuLooks {
         if let Some(why) = prepared.shaded_here() {
             return Err(GpuError::Unsupported(why));
         }
-        let [page] = &scene.pages[..] else {
-            let what = "colours of a scene on several pages".to_owned();
-            return Err(GpuError::Unsupported(what));
-        };
         let limits = device.device.limits();
         if limits.max_storage_buffers_per_shader_stage < BUFFERS {
             let what = format!("colours with fewer than {BUFFERS} buffers");
             return Err(GpuError::Unsupported(what));
         }
-        let mut paints = Paints::default();
-        let mut looks = Vec::new();
-        let mut number = 0;
-        for set in prepared.world().parts().sets() {
-            let object = set.object();
-            for _ in 0..set.len() {
-                looks.push(paints.look(object, &prepared.look(number))?);
-                number += 1;
-            }
-        }
+        let sets = prepared.world().parts();
+        let of_set = |set: &'_ Arc<InstanceSet>| vec![Arc::clone(set.object()); set.len()];
+        let objects: Vec<Arc<ObjectGeometry>> = sets.sets().flat_map(of_set).collect();
+        let mut time = false;
+        let page = |page: &Page| {
+            let mut paints = Paints::default();
+            let look = |whole: &InWhole| {
+                let object = &objects[whole.instance as usize];
+                let cut = Cut {
+                    object,
+                    grids: whole.grids.as_ref(),
+                };
+                paints.look(&cut, &prepared.look(whole.instance))
+            };
+            let looks = page.numbers.iter().map(look);
+            let looks: Vec<Look> = looks.collect::<Result<_, GpuError>>()?;
+            time |= page.permutation.time || paints.time;
+            let buffers = [
+                device.upload("looks", bytemuck::cast_slice(&looks))?,
+                device.upload("colours and normals", bytemuck::cast_slice(&paints.words))?,
+            ];
+            // What was uploaded is kept on the host until it is submitted.
+            device.wait(device.queue.submit([]))?;
+            Ok(buffers)
+        };
+        let pages = scene.pages.iter().map(page);
+        let pages = pages.collect::<Result<_, GpuError>>()?;
         Ok(Self {
             permutation: ShadePermutation {
                 color: prepared.aovs().contains(&Aov::Color),
-                time: page.permutation.time || paints.time,
+                time,
                 camera_moves: camera.permutation.time == TimeKind::CameraMoves,
             },
-            looks: device.upload("looks", bytemuck::cast_slice(&looks))?,
-            paints: device.upload("colours and normals", bytemuck::cast_slice(&paints.words))?,
+            pages,
             light: prepared.irradiance() / PI,
         })
     }
@@ -115,24 +131,30 @@ impl Shader {
     ) -> Result<(wgpu::Buffer, Option<f64>), GpuError> {
         let device = &*self.device;
         let workgroups = (len as u32).div_ceil(SHADE_WORKGROUP);
-        let launch = ShadeLaunch {
-            ray_count: len as u32,
-            row: rows(device, workgroups)[0] * SHADE_WORKGROUP,
-            light: looks.light,
-        };
-        let launch = device.uniform("launch", &launch)?;
         let bytes = (len.max(1) * size_of::<Sample>()) as u64;
         let samples = device.buffer("samples", bytes, Usage::STORAGE | Usage::COPY_SRC)?;
-        // Looks are made of scenes of one page.
-        let [_, planes, words, objects, instances, matrices] = &scene.pages[0].group;
-        let groups: [&[&wgpu::Buffer]; 3] = [
-            &[planes, words, objects, instances, matrices],
-            &[&looks.looks, &looks.paints, &camera.camera, &camera.tables],
-            &[rays, hits, &launch, &samples],
-        ];
         let kernel = self.kernel(looks.permutation)?;
-        let launched = kernel.launch(device, &groups, workgroups);
-        let seconds = launched.run(device, timed)?;
+        let mut launches = Vec::with_capacity(scene.pages.len());
+        for (number, (page, [own, paints])) in scene.pages.iter().zip(&looks.pages).enumerate() {
+            let [instances, places] = page.instances();
+            let launch = ShadeLaunch {
+                ray_count: len as u32,
+                row: rows(device, workgroups)[0] * SHADE_WORKGROUP,
+                light: looks.light,
+                page: number as u32,
+                instances,
+                places,
+            };
+            let launch = device.uniform("launch", &launch)?;
+            let [_, planes, words, objects, instanced, matrices] = &page.group;
+            let groups: [&[&wgpu::Buffer]; 3] = [
+                &[planes, words, objects, instanced, matrices],
+                &[own, paints, &camera.camera, &camera.tables],
+                &[rays, hits, &launch, &samples],
+            ];
+            launches.push(kernel.launch(device, &groups, workgroups));
+        }
+        let seconds = run(device, &launches, timed)?;
         Ok((samples, seconds))
     }
 
@@ -159,11 +181,48 @@ impl Shader {
     }
 }
 
-/// Colours and normals, each once.
+/// An object, or what a page has of it.
+struct Cut<'a> {
+    object: &'a Arc<ObjectGeometry>,
+    /// Numbers of its grids that are there, where these are not all.
+    grids: Option<&'a Arc<[u32]>>,
+}
+
+impl Cut<'_> {
+    /// Whose vertices they are.
+    fn address(&self) -> usize {
+        match self.grids {
+            Some(grids) => grids.as_ptr() as usize,
+            None => Arc::as_ptr(self.object) as usize,
+        }
+    }
+
+    /// Of numbers of all vertices of the object, so many each, those of the vertices that are there, in their order.
+    fn of_vertices<'n>(&self, all: &'n [u32], each: usize) -> Cow<'n, [u32]> {
+        let Some(grids) = self.grids else {
+            return Cow::Borrowed(all);
+        };
+        let mesh = self.object.mesh();
+        let sound = mesh.sound_grids();
+        let mut own = Vec::new();
+        for g in grids.iter().map(|&g| g as usize) {
+            let grid = &mesh.grids[g];
+            let from = grid.first_vertex as usize * each;
+            match all.get(from..from + grid.vertex_count() * each) {
+                Some(numbers) if sound[g] => own.extend_from_slice(numbers),
+                // It has a single vertex there, and is never hit.
+                _ => own.resize(own.len() + each, 0),
+            }
+        }
+        Cow::Owned(own)
+    }
+}
+
+/// Colours and normals of a page, each once.
 #[derive(Default)]
 struct Paints {
     words: Vec<u32>,
-    /// Places of what is there, by address: sources' values, channels' and objects' normals.
+    /// Places of what is there, by address: sources' values, and of objects, or of grids that were picked, channels and normals.
     known: HashMap<(usize, usize), u32>,
     /// A colour changes while the shutter is open.
     time: bool,
@@ -172,10 +231,10 @@ struct Paints {
 impl Paints {
     fn look(
         &mut self,
-        object: &Arc<ObjectGeometry>,
+        cut: &Cut<'_>,
         look: &hdtrapeze_core::render::Look<'_>,
     ) -> Result<Look, GpuError> {
-        let mesh = object.mesh();
+        let mesh = cut.object.mesh();
         let source = look.color;
         if source.is_integer() {
             let what = "colours of whole numbers".to_owned();
@@ -186,7 +245,7 @@ impl Paints {
         let lanes = source.lanes();
         let whole = lanes * keys.max(1);
         let at = |address: usize, part: usize| (address, part);
-        let of_object = Arc::as_ptr(object) as usize;
+        let of_object = cut.address();
         let of_source = std::ptr::from_ref::<Source>(source) as usize;
         let mut out = Look {
             matte: look.matte.into(),
@@ -194,7 +253,9 @@ impl Paints {
             stride: whole as u32,
             lanes: lanes as u32,
             paint_keys: keys as u32,
-            normals: self.add(at(of_object, usize::MAX), || mesh.normals.as_slice())?,
+            normals: self.add(at(of_object, usize::MAX), || {
+                cut.of_vertices(&mesh.normals, mesh.normal_key_count)
+            })?,
             normal_keys: mesh.normal_key_count as u32,
             ..Look::default()
         };
@@ -214,7 +275,9 @@ impl Paints {
                 if let Some(channel_at) = mesh.channels.get(*channel) {
                     out.kind = VERTICES;
                     (out.lanes, out.stride) = (lanes as u32, channel_at.width as u32);
-                    out.paint = self.floats(at(of_object, *channel), &channel_at.values)?;
+                    let values: &[u32] = bytemuck::cast_slice(&channel_at.values);
+                    let of = || cut.of_vertices(values, channel_at.width);
+                    out.paint = self.add(at(of_object, *channel), of)?;
                 }
             }
             Values::Instance(_, resolved) if look.item < resolved.item_count() => {
@@ -227,14 +290,14 @@ impl Paints {
     }
 
     fn floats(&mut self, what: (usize, usize), floats: &[f32]) -> Result<u32, GpuError> {
-        self.add(what, || bytemuck::cast_slice(floats))
+        self.add(what, || Cow::Borrowed(bytemuck::cast_slice(floats)))
     }
 
     /// The place of words, which are added where they are not there.
     fn add<'a>(
         &mut self,
         what: (usize, usize),
-        words: impl FnOnce() -> &'a [u32],
+        words: impl FnOnce() -> Cow<'a, [u32]>,
     ) -> Result<u32, GpuError> {
         if let Some(&place) = self.known.get(&what) {
             return Ok(place);
@@ -242,7 +305,7 @@ impl Paints {
         let place = u32::try_from(self.words.len());
         let place = place
             .map_err(|_| GpuError::Unsupported("2^32 numbers of colours and normals".to_owned()))?;
-        self.words.extend_from_slice(words());
+        self.words.extend_from_slice(&words());
         self.known.insert(what, place);
         Ok(place)
     }

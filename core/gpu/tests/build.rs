@@ -787,6 +787,63 @@ fn refitted(tracer: &Tracer) -> Result<(), Failed> {
     Ok(())
 }
 
+/// So are those of scenes on several pages; where that cannot be, all pages stay as they were.
+fn refitted_on_pages(tracer: &Tracer) -> Result<(), Failed> {
+    let moved = |mesh: &DicedMesh| {
+        let mut mesh = mesh.clone();
+        for p in &mut mesh.positions {
+            *p += Vec3::new(0.3, 0.1 * (3.0 * p.x).sin(), 0.1 * (4.0 * p.y).cos());
+        }
+        mesh
+    };
+    for (before, most) in [
+        (patches(300, 7, &[0.0], 6), 40_000),
+        (sheet(8, 9, &keys(2)), 20_000),
+    ] {
+        let mut lost = moved(&before);
+        // Of the last page only.
+        if let Some(p) = lost.positions.last_mut() {
+            p.z = f32::NAN;
+        }
+        let worlds = [before.clone(), moved(&before), before, lost].map(world_of);
+        let options = BuildOptions {
+            refits: true,
+            most,
+            ..BuildOptions::default()
+        };
+        let mut scene = GpuScene::build(builder(tracer), &worlds[0], &options)?;
+        if scene.page_count() < 5 {
+            return Err(format!("{} pages", scene.page_count()).into());
+        }
+        for world in &worlds[1..3] {
+            if !scene.refit(builder(tracer), world)? {
+                return Err("not refitted".into());
+            }
+            as_with_host_trees(tracer, world, &scene, RAYS, 50)?;
+        }
+        let one_more = World::build(
+            [0.0, 0.1]
+                .map(|x| {
+                    let at = InstanceTransform::Translation(DVec3::X * x);
+                    instance(&object(sheet(8, 9, &keys(2))), at)
+                })
+                .into(),
+            DVec3::ZERO,
+        );
+        for world in [&worlds[3], &one_more] {
+            if scene.refit(builder(tracer), world)? {
+                return Err("refitted to another scene".into());
+            }
+            as_with_host_trees(tracer, &worlds[0], &scene, RAYS, 50)?;
+        }
+        if !scene.refit(builder(tracer), &worlds[1])? {
+            return Err("not refitted after that".into());
+        }
+        as_with_host_trees(tracer, &worlds[1], &scene, RAYS, 50)?;
+    }
+    Ok(())
+}
+
 /// Instances that move, appear or go are no reason to make objects' trees anew.
 fn refitted_instances(tracer: &Tracer) -> Result<(), Failed> {
     let meshes = [sheet(2, 7, &[0.0]), patches(12, 5, &keys(3), 9)];
@@ -926,7 +983,7 @@ fn main() {
     );
     /// A name and a test.
     type Named = (&'static str, fn(&Tracer) -> Result<(), Failed>);
-    let others: [Named; 18] = [
+    let others: [Named; 19] = [
         ("equal_boxes", equal_boxes),
         ("nested_boxes", nested_boxes),
         ("flat", flat),
@@ -942,6 +999,7 @@ fn main() {
         ("many_instances", many_instances),
         ("tops_cost_as_much", tops_cost_as_much),
         ("refitted", refitted),
+        ("refitted_on_pages", refitted_on_pages),
         ("refitted_instances", refitted_instances),
         ("too_bad_to_refit", too_bad_to_refit),
         ("not_refitted", not_refitted),

@@ -27,7 +27,7 @@ use hdtrapeze_core::scene::{
 };
 use hdtrapeze_core::surface::{MeshTopology, Scheme};
 use hdtrapeze_core::trace::{Hit, Ray};
-use hdtrapeze_gpu::{Device, FirstOnDevice, GpuFrame, Stages};
+use hdtrapeze_gpu::{Device, FirstOnDevice, FrameOptions, GpuFrame, Stages};
 use libtest_mimic::Failed;
 use support::NoSubdivision;
 
@@ -343,10 +343,18 @@ fn prepared_on(scene: &Scene, backend: Backend) -> Prepared {
     prepared(&scene)
 }
 
+/// Stages before this one are the CPU's.
+fn from(first: FirstOnDevice) -> FrameOptions {
+    FrameOptions {
+        first,
+        ..FrameOptions::default()
+    }
+}
+
 /// Held against the CPU's image, with stages before `first` on the CPU.
 fn agrees(stages: &Arc<Stages>, scene: &Scene, first: FirstOnDevice) -> Result<(), Failed> {
     let prepared = prepared_on(scene, Backend::Gpu);
-    let frame = GpuFrame::starting_at(first, Arc::clone(stages), &prepared)?;
+    let frame = GpuFrame::with(from(first), Arc::clone(stages), &prepared)?;
     if frame.stages() != (first.of_samples()..=Stage::Film) {
         return Err(frame.explain().into());
     }
@@ -446,8 +454,7 @@ fn others_are_shaded_here(stages: &Arc<Stages>) -> Result<(), Failed> {
             return Err(told.into());
         }
         // Nothing is left of it where shading should come first there.
-        let from = FirstOnDevice::Shade;
-        match GpuFrame::starting_at(from, Arc::clone(stages), &prepared) {
+        match GpuFrame::with(from(FirstOnDevice::Shade), Arc::clone(stages), &prepared) {
             Err(error) if error.to_string().contains(why) => {}
             other => return Err(format!("{other:?}").into()),
         }
@@ -457,6 +464,37 @@ fn others_are_shaded_here(stages: &Arc<Stages>) -> Result<(), Failed> {
         if bad.len() > 30 {
             return Err(format!("{} pixels differ: {told}", bad.len()).into());
         }
+    }
+    Ok(())
+}
+
+/// A scene on the smallest pages, of some, that hold any of its grids.
+fn paged(
+    stages: &Arc<Stages>,
+    prepared: &Prepared,
+    first: FirstOnDevice,
+) -> Result<GpuFrame, Failed> {
+    let frame = |most| {
+        let options = FrameOptions { first, most };
+        GpuFrame::with(options, Arc::clone(stages), prepared)
+    };
+    let found = (9..20).map(|i| frame(1 << i)).find(|frame| frame.is_ok());
+    Ok(found.ok_or("no page is large enough")??)
+}
+
+/// Scenes on several pages, some objects of which are cut, are shaded and filmed there as well.
+fn on_pages(stages: &Arc<Stages>, scene: &Scene) -> Result<(), Failed> {
+    for first in [FirstOnDevice::Bound, FirstOnDevice::Generate] {
+        let prepared = prepared_on(scene, Backend::Gpu);
+        let frame = paged(stages, &prepared, first)?;
+        let told = frame.explain();
+        if frame.page_count() < 2
+            || frame.stages() != (Stage::Generate..=Stage::Film)
+            || !told.contains("pages")
+        {
+            return Err(told.into());
+        }
+        as_on_the_cpu(scene, &prepared, &frame, first)?;
     }
     Ok(())
 }
@@ -476,23 +514,32 @@ fn bent(growth: f32) -> Scene {
 }
 
 /// Where points have moved and grids are as they were, trees are refitted; else they are made anew. Images are the CPU's.
-fn edits(stages: &Arc<Stages>) -> Result<(), Failed> {
+fn edits(stages: &Arc<Stages>, pages: bool) -> Result<(), Failed> {
     let mut turned = bent(0.02);
     shoot(&mut turned, |camera| {
         camera.transform = at(&[DMat4::from_translation(DVec3::new(0.3, 0.2, 6.0))]);
     });
-    let mut finer = bent(0.02);
-    set(&mut finer, |settings| settings.shading_rate = 0.4);
+    let mut diced_anew = bent(0.02);
+    set(&mut diced_anew, |settings| settings.shading_rate *= 0.4);
     let first = prepared_on(&bent(0.0), Backend::Gpu);
-    let mut frame = GpuFrame::new(Arc::clone(stages), &first)?;
-    for (scene, refitted) in [
+    let mut frame = match pages {
+        true => paged(stages, &first, FirstOnDevice::Bound)?,
+        false => GpuFrame::new(Arc::clone(stages), &first)?,
+    };
+    if (frame.page_count() > 1) != pages {
+        return Err(format!("{} pages", frame.page_count()).into());
+    }
+    let all = [
         (bent(0.01), true),
         (bent(0.02), true),
         // Its view is another: so is its dicing.
         (turned, false),
-        (finer, false),
+        (diced_anew, false),
         (everything(), false),
-    ] {
+    ];
+    // Grids of the others are larger than these pages.
+    let count = if pages { 3 } else { all.len() };
+    for (scene, refitted) in all.into_iter().take(count) {
         let prepared = prepared_on(&scene, Backend::Gpu);
         frame = frame.after(&prepared)?;
         if frame.is_refitted() != refitted {
@@ -622,6 +669,9 @@ fn main() {
     let on =
         |device: &Arc<Device>| Arc::clone(STAGES.get_or_init(|| Arc::new(Stages::new(device))));
     for (name, scene) in scenes() {
+        let paged = scene.clone();
+        let run = move |device: &Arc<Device>| on_pages(&on(device), &paged);
+        trials.push((format!("pages_of_{name}"), Box::new(run)));
         let walk = ["still", "everything", "moving_instances"].contains(&name.as_str());
         let run = move |device: &Arc<Device>| match walk {
             true => walked(&on(device), &scene),
@@ -629,8 +679,10 @@ fn main() {
         };
         trials.push((format!("scene_{name}"), Box::new(run)));
     }
-    let edited = move |device: &Arc<Device>| edits(&on(device));
-    trials.push(("edits".to_owned(), Box::new(edited)));
+    for (name, pages) in [("edits", false), ("edits_on_pages", true)] {
+        let edited = move |device: &Arc<Device>| edits(&on(device), pages);
+        trials.push((name.to_owned(), Box::new(edited)));
+    }
     let fallen_back = move |_: &Arc<Device>| the_cpu_goes_on();
     trials.push(("the_cpu_goes_on".to_owned(), Box::new(fallen_back)));
     let others = move |device: &Arc<Device>| others_are_shaded_here(&on(device));

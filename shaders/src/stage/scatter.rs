@@ -11,6 +11,7 @@ pub fn site_source(time: bool) -> String {
         crate::layout::SOURCE,
         include_str!("../wgsl/keys.wgsl"),
         include_str!("../wgsl/facet.wgsl"),
+        include_str!("../wgsl/place.wgsl"),
         include_str!("../wgsl/site.wgsl"),
     ]
     .concat()

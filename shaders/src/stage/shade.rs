@@ -35,6 +35,7 @@ impl ShadePermutation {
             crate::layout::SOURCE,
             include_str!("../wgsl/keys.wgsl"),
             include_str!("../wgsl/facet.wgsl"),
+            include_str!("../wgsl/place.wgsl"),
             include_str!("../wgsl/circle.wgsl"),
             include_str!("../wgsl/pose.wgsl"),
             include_str!("../wgsl/shade.wgsl"),

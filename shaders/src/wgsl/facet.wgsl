@@ -18,8 +18,8 @@ struct Cell {
     weights: vec4<f32>,
 }
 
+// The grid of the hit is its place on the page.
 fn cell_of(object: Object, hit: Hit) -> Cell {
-    // Hits are on one page: all grids are there.
     let header = object.grids + 3u * hit.grid;
     let rates = words[header + 2u];
     let nu = rates & 0xffffu;

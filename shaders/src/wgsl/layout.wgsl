@@ -61,8 +61,10 @@ struct Object {
     // Largest magnitude of any coordinate or bound.
     radius: f32,
     // First word of the numbers that its grids have in the whole object, where a page has only some of them; 0xffffffff
-    // where they are all there.
+    // where they are all there. They ascend.
     numbers: u32,
+    // How many grids it has here.
+    grid_count: u32,
 }
 
 // One instance of an object.
@@ -112,6 +114,12 @@ struct SiteLaunch {
     ray_count: u32,
     // Rays of one row of workgroups.
     row: u32,
+    // Number of the page.
+    page: u32,
+    // Instances on it.
+    instances: u32,
+    // First of their numbers in `words`, which ascend, and after these the place of each; 0xffffffff where they are their places.
+    places: u32,
 }
 
 // What a launch of the stage `scatter` works on.
@@ -263,6 +271,12 @@ struct ShadeLaunch {
     row: u32,
     // Radiance of a white surface that looks along the axis of view.
     light: f32,
+    // Number of the page.
+    page: u32,
+    // Instances on it.
+    instances: u32,
+    // First of their numbers in `words`, which ascend, and after these the place of each; 0xffffffff where they are their places.
+    places: u32,
 }
 
 // What one camera sample brings home.

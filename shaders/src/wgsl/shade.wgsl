@@ -4,6 +4,8 @@
 // A surface is lit by the light that rides on the camera: its colour times how much its normal looks along the axis of
 // view, from either side. A matte one takes its ray away and gives nothing, as if nothing were hit.
 
+// Pages come one after the other; what a ray brings home is of the page that its hit is on, and of the first where there is none.
+//
 // The permutation fixes COLOR (colours are asked for, else only what is covered), TIME (something moves) and MOVES (the
 // camera does).
 
@@ -96,19 +98,16 @@ fn albedo(look: Look, cell: Cell, time: f32) -> vec3<f32> {
     return at + (paint_at(look, cell, key + 1u) - at) * fraction;
 }
 
-// Colour and alpha of the first hit.
-fn surface(ray: Ray, hit: Hit) -> vec4<f32> {
-    if hit.instance == NONE {
-        return vec4<f32>(0.0);
-    }
-    let look = looks[hit.instance];
+// Colour and alpha of a first hit on this instance.
+fn surface(ray: Ray, hit: Hit, number: u32) -> vec4<f32> {
+    let look = looks[number];
     if look.matte != 0u {
         return vec4<f32>(0.0);
     }
     if !COLOR {
         return vec4<f32>(0.0, 0.0, 0.0, 1.0);
     }
-    let instance = instances[hit.instance];
+    let instance = instances[number];
     let object = objects[instance.object];
     let cell = cell_of(object, hit);
     var n = vec3<f32>(0.0);
@@ -129,5 +128,19 @@ fn shade(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_inde
         return;
     }
     let ray = rays[index];
-    samples[ray.number] = Sample(surface(ray, hits[ray.number]), ray.weight, ray.distance2, ray.time);
+    var hit = hits[ray.number];
+    var color = vec4<f32>(0.0);
+    if hit.instance == NONE {
+        if launch.page != 0u {
+            return;
+        }
+    } else {
+        let place = place_of(hit);
+        if place.instance == NONE {
+            return;
+        }
+        hit.grid = place.grid;
+        color = surface(ray, hit, place.instance);
+    }
+    samples[ray.number] = Sample(color, ray.weight, ray.distance2, ray.time);
 }

@@ -12,7 +12,8 @@
 // In the world all of that is larger by 1 / |M^-T n|: normals n go there by M^-T, and planes move apart as these are
 // stretched.
 
-// The permutation fixes TIME (something moves). The scene is on one page: instances are there by their numbers.
+// The permutation fixes TIME (something moves). Pages come one after the other; each site is of the page that its hit is on, and of
+// the first where there is none.
 
 @group(1) @binding(0) var<storage, read> rays: array<Ray>;
 @group(1) @binding(1) var<storage, read> hits: array<Hit>;
@@ -151,10 +152,17 @@ fn site(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
         return;
     }
     let ray = rays[index];
-    let hit = hits[ray.number];
-    var out = Site(vec3<f32>(0.0), 0.0, vec3<f32>(0.0), 0.0);
-    if hit.instance != NONE {
-        out = site_of(ray, hit, instances[hit.instance]);
+    var hit = hits[ray.number];
+    if hit.instance == NONE {
+        if launch.page == 0u {
+            sites[ray.number] = Site(vec3<f32>(0.0), 0.0, vec3<f32>(0.0), 0.0);
+        }
+        return;
     }
-    sites[ray.number] = out;
+    let place = place_of(hit);
+    if place.instance == NONE {
+        return;
+    }
+    hit.grid = place.grid;
+    sites[ray.number] = site_of(ray, hit, instances[place.instance]);
 }

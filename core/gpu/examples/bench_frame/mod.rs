@@ -21,7 +21,7 @@ use hdtrapeze_core::scene::{
     TransformSamples,
 };
 use hdtrapeze_core::surface::{MeshTopology, Scheme};
-use hdtrapeze_gpu::{Device, FirstOnDevice, GpuFrame, Stages};
+use hdtrapeze_gpu::{Device, FrameOptions, GpuFrame, Stages};
 use secondary::Secondary;
 use support::NoSubdivision;
 
@@ -180,11 +180,11 @@ fn difference(prepared: &Prepared, on: &GpuFrame) -> Result<f64, Box<dyn Error>>
     Ok(differ as f64 / here.len() as f64)
 }
 
-/// Renders the frame with so many samples a pixel, from a stage on there, and prints what that took; first samples may differ from the CPU's in so
+/// Renders the frame with so many samples a pixel, and prints what that took; first samples may differ from the CPU's in so
 /// many parts of the image.
 pub fn run(
     device: &Arc<Device>,
-    (samples, from): (u32, FirstOnDevice),
+    (samples, options): (u32, FrameOptions),
     different: f64,
     peaks: Peaks,
 ) -> Result<(), Box<dyn Error>> {
@@ -199,7 +199,7 @@ pub fn run(
     );
     let start = Instant::now();
     let stages = Arc::new(Stages::new(device));
-    let on_gpu = GpuFrame::starting_at(from, stages, &prepared)?;
+    let on_gpu = GpuFrame::with(options, stages, &prepared)?;
     let mib = on_gpu.bytes() as f64 / f64::from(1 << 20);
     let here = prepared.world().stats();
     println!(
@@ -209,7 +209,7 @@ pub fn run(
         here.trees,
         here.objects,
     );
-    if on_gpu.stages() != (from.of_samples()..=Stage::Film) {
+    if on_gpu.stages() != (options.first.of_samples()..=Stage::Film) {
         return Err(on_gpu.explain().into());
     }
     let differ = difference(&prepared, &on_gpu)?;

@@ -144,17 +144,41 @@ impl GpuScene {
     }
 
     /// Takes over `world`, whose vertices, matrices and key times may differ from those that the scene was made of, but not its
-    /// grids. False where they do, where nothing was kept to refit, where other grids than before cannot be traced, or where
-    /// a tree has become much worse than it was: the scene is then as it was, and is to be built anew.
+    /// grids; nor, on several pages, which instances there are. False where they do, where nothing was kept to refit, where
+    /// other grids than before cannot be traced, or where a tree has become much worse than it was: the scene is then as it was,
+    /// and is to be built anew.
     ///
     /// # Errors
     /// As [`GpuScene::new`].
     pub fn refit(&mut self, builder: &TreeBuilder, world: &World) -> Result<bool, GpuError> {
         scene::traceable(world)?;
-        let [page] = &mut self.pages[..] else {
+        let parts = world.parts();
+        let shapes = scene::shapes(&parts);
+        if self.pages.len() > 1 && shapes != self.sets {
             return Ok(false);
-        };
-        builder.refit(page, world)
+        }
+        let mut refitted: Vec<Page> = Vec::with_capacity(self.pages.len());
+        for number in 0..self.pages.len() {
+            let page = &mut self.pages[number];
+            let now = match self.plan.get(number) {
+                None => builder.refit(page, world, &scene::all(world))?,
+                Some(picks) => {
+                    let piece = parts.piece(picks, WhereTrees::Later)?;
+                    builder.refit(page, &piece.world, &piece.numbers)?
+                }
+            };
+            match now {
+                Some(now) => refitted.push(now),
+                None => {
+                    for (page, now) in self.pages.iter_mut().zip(refitted) {
+                        page.made.trees = now.made.trees;
+                    }
+                    return Ok(false);
+                }
+            }
+        }
+        (self.pages, self.sets) = (refitted, shapes);
+        Ok(true)
     }
 
     /// The seconds of each stage that made the trees on the device, by its own clock; nothing where it has none.
@@ -330,8 +354,14 @@ impl Making<'_> {
         device.queue.submit([encoder.finish()]);
         let mut trees: Vec<Trees> = made.into_iter().map(|(trees, _)| trees).collect();
         let buffers = (nodes, vertices);
-        let (mut page, costs) =
-            builder.finished(&mut clock, world, laid, buffers, (&trees, &tops), most)?;
+        let (mut page, costs) = builder.finished(
+            &mut clock,
+            (world, numbers),
+            laid,
+            buffers,
+            (&trees, &tops),
+            most,
+        )?;
         for (trees, costs) in trees.iter_mut().zip(costs) {
             trees.costs = costs;
         }
@@ -359,17 +389,23 @@ impl TreeBuilder {
         &self.runner.device
     }
 
-    fn refit(&self, page: &mut Page, world: &World) -> Result<bool, GpuError> {
+    /// A page of `world` or a piece of it in place of this one, whose trees it takes over; none where it is to be built anew.
+    fn refit(
+        &self,
+        page: &mut Page,
+        world: &World,
+        numbers: &[InWhole],
+    ) -> Result<Option<Page>, GpuError> {
         let Some(Refits { forests }) = &mut page.made.trees else {
-            return Ok(false);
+            return Ok(None);
         };
         let most = self.device().largest();
         let mut clock = self.runner.clock();
-        let mut laid = laid(world, &scene::all(world))?;
+        let mut laid = laid(world, numbers)?;
         let now = laid.forests.iter().map(|planted| &planted.forest);
         let same = |(trees, now): (&Trees, &Forest)| trees.forest.is_alike(now);
         if forests.len() != now.len() || !forests.iter().zip(now).all(same) {
-            return Ok(false);
+            return Ok(None);
         }
         for (trees, planted) in forests.iter_mut().zip(laid.forests.drain(..)) {
             let Planted { forest, places, .. } = planted;
@@ -378,21 +414,28 @@ impl TreeBuilder {
         let vertices = self.vertices(&laid.arrays, most)?;
         let tops = match self.tops(&mut clock, world) {
             Err(Unmade::Failed(error)) => return Err(error),
-            Err(Unmade::Deep) => return Ok(false),
+            Err(Unmade::Deep) => return Ok(None),
             Ok(tops) => tops,
         };
         let nodes = self.nodes(&laid, forests.iter().chain(tops.trees()), most)?;
         for trees in &*forests {
             let vertices = (&vertices[0], &vertices[1]);
             if !trees.rebound(&self.runner, &mut clock, vertices, &nodes)? {
-                return Ok(false);
+                return Ok(None);
             }
         }
         let buffers = (nodes, vertices);
-        let refitted = self.finished(&mut clock, world, laid, buffers, (forests, &tops), most);
+        let refitted = self.finished(
+            &mut clock,
+            (world, numbers),
+            laid,
+            buffers,
+            (forests, &tops),
+            most,
+        );
         let (mut refitted, costs) = match refitted {
             Err(Unmade::Failed(error)) => return Err(error),
-            Err(Unmade::Deep) => return Ok(false),
+            Err(Unmade::Deep) => return Ok(None),
             Ok(refitted) => refitted,
         };
         let mut pairs = forests
@@ -401,15 +444,14 @@ impl TreeBuilder {
             .flat_map(|(trees, costs)| trees.costs.iter().zip(costs));
         // Also where it is NaN.
         if !pairs.all(|(before, now)| *now <= WORSE * before.max(1.0)) {
-            return Ok(false);
+            return Ok(None);
         }
         refitted.made = Made {
             there: true,
             trees: page.made.trees.take(),
             seconds: self.runner.seconds(&clock)?,
         };
-        *page = refitted;
-        Ok(true)
+        Ok(Some(refitted))
     }
 
     /// Makes the tree over the instances of a world.
@@ -471,7 +513,7 @@ impl TreeBuilder {
     fn finished(
         &self,
         clock: &mut Clock,
-        world: &World,
+        (world, numbers): (&World, &[InWhole]),
         laid: Laid<'_>,
         (nodes, [planes, words]): (wgpu::Buffer, [wgpu::Buffer; 2]),
         (forests, tops): (&[Trees], &Tops),
@@ -521,7 +563,14 @@ impl TreeBuilder {
             return Err(Unmade::Deep);
         }
         let buffers = [nodes, planes, words];
-        let page = Page::of(self.device(), world, &arrays, buffers, start, most)?;
+        let page = Page::of(
+            self.device(),
+            (world, numbers),
+            &arrays,
+            buffers,
+            start,
+            most,
+        )?;
         Ok((Page { radius, ..page }, costs))
     }
 }
