@@ -1,39 +1,26 @@
-#include "basisCurves.h"
+#include "numbers.h"
+#include "shapes.h"
 
 #include "pxr/imaging/hd/basisCurvesTopology.h"
 #include "pxr/imaging/hd/tokens.h"
 
+#include <algorithm>
+
 PXR_NAMESPACE_OPEN_SCOPE
 
-uint32_t HdTrapezeCurveForm(HdSceneDelegate* delegate, SdfPath const& id,
-                            HdTrapezeRenderParam& param) {
-    static TfToken const primvar("trapeze:curves");
-    VtValue const value = delegate->Get(id, primvar);
-    TfToken const word = value.IsHolding<std::string>() ? TfToken(value.UncheckedGet<std::string>())
-                                                        : value.GetWithDefault<TfToken>();
-    return param.Word(primvar.GetText(), word, id);
-}
-
 // The bounds and axes that stand for a model have indices; authored curves have none.
-void HdTrapezeBasisCurves::_SyncIndices(HdTrapezePrim* prim, HdSceneDelegate* delegate,
-                                        HdDirtyBits* bits) {
-    if (!(*bits & HdChangeTracker::DirtyTopology)) {
-        return;
-    }
-    VtIntArray const indices = GetBasisCurvesTopology(delegate).GetCurveIndices();
-    if (indices != prim->Indices()) {
-        prim->SetIndices(indices);
-        *bits |= HdChangeTracker::DirtyPoints | HdChangeTracker::DirtyPrimvar;
-    }
+VtIntArray HdTrapezeCurveIndices(HdSceneDelegate* delegate, SdfPath const& id) {
+    return delegate->GetBasisCurvesTopology(id).GetCurveIndices();
 }
 
-void HdTrapezeBasisCurves::_SyncShape(HdTrapezePrim const& prim, HdSceneDelegate* delegate,
-                                      HdTrapezeRenderParam& param, HdDirtyBits bits) {
-    SdfPath const& id = GetId();
-    if (!(bits & (HdChangeTracker::DirtyTopology | HdChangeTracker::DirtyPrimvar))) {
-        return;
-    }
-    HdBasisCurvesTopology const topology = GetBasisCurvesTopology(delegate);
+uint32_t HdTrapezeCurveForm(HdTrapezeSyncing const& prim) {
+    static TfToken const primvar("trapeze:curves");
+    VtValue const word = VtValue::Cast<TfToken>(prim.delegate->Get(prim.id, primvar));
+    return prim.Word(primvar.GetText(), word.GetWithDefault<TfToken>());
+}
+
+void HdTrapezeSendBasisCurves(HdTrapezeSyncing const& prim) {
+    HdBasisCurvesTopology const topology = prim.delegate->GetBasisCurvesTopology(prim.id);
     VtIntArray counts = topology.GetCurveVertexCounts();
     TfToken wrap = topology.GetCurveWrap();
     if (wrap == HdTokens->segmented) {
@@ -45,16 +32,14 @@ void HdTrapezeBasisCurves::_SyncShape(HdTrapezePrim const& prim, HdSceneDelegate
         }
         counts.assign(points / 2, 2);
     }
-    trz_curves desc = {};
-    desc.struct_size = sizeof(desc);
+    auto desc = HdTrapezeStruct<trz_curves>();
     desc.basis = topology.GetCurveType() == HdTokens->linear
                      ? TRZ_BASIS_LINEAR
-                     : param.Word("basis", topology.GetCurveBasis(), id);
-    desc.wrap = param.Word("wrap", wrap, id);
-    desc.form = HdTrapezeCurveForm(delegate, id, param);
-    desc.vertex_counts = counts.cdata();
-    desc.curve_count = counts.size();
-    param.Edit(trz_curves_set(param.Session(), prim.Id(), &desc), id);
+                     : prim.Word("basis", topology.GetCurveBasis());
+    desc.wrap = prim.Word("wrap", wrap);
+    desc.form = HdTrapezeCurveForm(prim);
+    HdTrapezeView(counts, &desc.vertex_counts, &desc.curve_count);
+    prim.Edit(trz_curves_set, &desc);
 }
 
 PXR_NAMESPACE_CLOSE_SCOPE

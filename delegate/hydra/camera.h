@@ -5,12 +5,13 @@
 
 #include "pxr/base/gf/interval.h"
 #include "pxr/imaging/hd/camera.h"
-#include "pxr/imaging/hd/sceneIndex.h"
 #include "pxr/pxr.h"
 
 PXR_NAMESPACE_OPEN_SCOPE
 
 class HdRenderIndex;
+class HdTrapezeRenderParam;
+struct HdTrapezeSyncing;
 
 /// A camera, with the shutter that motion is sampled for.
 class HdTrapezeCamera final : public HdCamera {
@@ -32,11 +33,12 @@ public:
     GfInterval const& Sampled() const { return _sampled; }
 
     /// Has it synced again, for the shutter that is wanted now.
-    void SampleAgain(HdRenderIndex& index) const;
+    void SampleAgain(HdRenderIndex& index, HdTrapezeRenderParam const& param) const;
 
 private:
+    void _SendLens(HdTrapezeSyncing const& camera) const;
+
     trz_id _id = 0;
-    HdSceneIndexObserver* _observer = nullptr;
     GfInterval _sampled;
 };
 

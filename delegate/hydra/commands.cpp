@@ -1,5 +1,7 @@
 #include "commands.h"
 
+#include "numbers.h"
+
 #include "pxr/base/tf/diagnostic.h"
 #include "pxr/base/tf/pathUtils.h"
 #include "pxr/base/tf/staticTokens.h"
@@ -40,8 +42,7 @@ bool _SaveImage(trz_session* session, std::string const& path) {
         TF_WARN("Trapeze: %s must end in .exr", path.c_str());
         return false;
     }
-    trz_image image = {};
-    image.struct_size = sizeof(image);
+    auto image = HdTrapezeStruct<trz_image>();
     image.type = TRZ_IMAGE_EXR;
     image.pixel_type = TRZ_PIXEL_FLOAT;
     image.compression = TRZ_COMPRESSION_ZIP;

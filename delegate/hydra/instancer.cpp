@@ -3,6 +3,9 @@
 #include "numbers.h"
 #include "schema.h"
 
+#include "pxr/base/gf/quatd.h"
+#include "pxr/base/gf/quath.h"
+#include "pxr/base/gf/traits.h"
 #include "pxr/imaging/hd/renderIndex.h"
 #include "pxr/imaging/hd/sceneDelegate.h"
 #include "pxr/imaging/hd/tokens.h"
@@ -13,15 +16,21 @@ namespace {
 
 TF_DEFINE_PRIVATE_TOKENS(_tokens, (angularVelocities));
 
-// Older hosts give rotations as vectors that have the real part first.
-template <class Vector> void _MakeQuaternions(VtValue* value) {
-    if (value->IsHolding<VtArray<Vector>>()) {
-        VtQuatfArray quaternions;
-        for (Vector const& v : value->UncheckedGet<VtArray<Vector>>()) {
-            quaternions.push_back(GfQuatf(v[0], v[1], v[2], v[3]));
-        }
-        *value = quaternions;
+// Quaternions as floats. Older hosts give vectors that have the real part first.
+template <class T> bool _MakeQuaternions(VtValue* value) {
+    if (!value->IsHolding<VtArray<T>>()) {
+        return false;
     }
+    VtQuatfArray quaternions;
+    for (T const& from : value->UncheckedGet<VtArray<T>>()) {
+        if constexpr (GfIsGfQuat<T>::value) {
+            quaternions.push_back(GfQuatf(from));
+        } else {
+            quaternions.push_back(GfQuatf(from[0], from[1], from[2], from[3]));
+        }
+    }
+    *value = quaternions;
+    return true;
 }
 
 // Turning instances do not go through the frame's own matrices on the line between the samples
@@ -66,26 +75,21 @@ bool _AddMotion(HdSceneDelegate* delegate, SdfPath const& id, GfInterval const& 
         return false;
     }
     std::vector<HdTrapezeTransform> tracks;
-    std::set<double> times;
     for (size_t i = 0; i < prims.size(); ++i) {
         if (!GfIsClose(delegate->GetTransform(prims[i]), frame[i], 1e-6)) {
             return false;
         }
         tracks.push_back(HdTrapezeSampleTransform(delegate, prims[i], shutter));
-        if (tracks[i].times.size() > 1) {
-            times.insert(tracks[i].times.begin(), tracks[i].times.end());
-        }
     }
-    if (times.empty()) {
+    HdTrapezeSamples<VtValue> moving{HdTrapezeTimes(tracks), {}};
+    if (moving.times.empty()) {
         return false;
     }
-    HdTrapezeSamples<VtValue> moving;
-    for (double time : times) {
+    for (double time : moving.times) {
         VtMatrix4dArray values(frame.size());
         for (size_t i = 0; i < frame.size(); ++i) {
             values[i] = HdTrapezeAt(tracks[i], time, frame[i]);
         }
-        moving.times.push_back(time);
         moving.values.emplace_back(std::move(values));
     }
     *matrices = std::move(moving);
@@ -113,64 +117,64 @@ void HdTrapezeInstancer::Sync(HdSceneDelegate* delegate, HdRenderParam* renderPa
                               HdDirtyBits* dirtyBits) {
     auto& param = *static_cast<HdTrapezeRenderParam*>(renderParam);
     SdfPath const& id = GetId();
-    HdDirtyBits const bits = *dirtyBits;
-    bool const created = _id == 0;
-    if (created) {
-        if (!param.Session() ||
-            !param.Edit(trz_instancer_create(param.Session(), id.GetText(), &_id), id)) {
+    HdDirtyBits bits = *dirtyBits;
+    if (_id == 0) {
+        if (!param.Edit(id, trz_instancer_create, id.GetText(), &_id)) {
             return;
         }
         param.instancers.Add(id, this);
+        bits = HdChangeTracker::AllDirty;
     }
+    HdTrapezeSyncing instancer{id, _id, delegate, param, _motion.Reach(param.Shutter())};
     SdfPath const before = GetParentId();
     _UpdateInstancer(delegate, dirtyBits);
     SdfPath const& parent = GetParentId();
     if (before != parent) {
-        if (HdTrapezeInstancer* instancer = param.instancers.Find(before)) {
-            instancer->RemovePart(id);
+        if (HdTrapezeInstancer* nest = param.instancers.Find(before)) {
+            nest->RemovePart(id);
         }
-        param.Edit(trz_prim_set_instancer(param.Session(), _id, 0, 0), id);
+        instancer.Edit(trz_prim_set_instancer, 0, 0);
     }
-    if (!parent.IsEmpty() && (created || HdChangeTracker::IsInstanceIndexDirty(bits, id) ||
-                              HdChangeTracker::IsInstancerDirty(bits, id))) {
+    if (bits & (HdChangeTracker::DirtyInstanceIndex | HdChangeTracker::DirtyInstancer)) {
         // Parents are synced after their children.
-        auto* const instancer =
+        auto* const nest =
             static_cast<HdTrapezeInstancer*>(delegate->GetRenderIndex().GetInstancer(parent));
-        if (instancer) {
-            instancer->SetPart(id, _id, delegate->GetInstanceIndices(parent, id));
+        if (nest) {
+            nest->SetPart(id, _id, delegate->GetInstanceIndices(parent, id));
         }
     }
-    GfInterval const shutter = param.Shutter();
-    if (created || HdChangeTracker::IsTransformDirty(bits, id)) {
-        param.SetTransform(_id, HdTrapezeSampleInstancerTransform(delegate, id, shutter), id);
+    if (bits & HdChangeTracker::DirtyPrimvar) {
+        instancer.SendMotion(&_motion);
+        instancer.shutter = _motion.Reach(param.Shutter());
+        _SyncPlaces(instancer);
+        _primvars.Sync(instancer, HdTrapezePrimvars::Of::Instances);
     }
-    if (created || (bits & HdChangeTracker::DirtyPrimvar)) {
-        HdTrapezeMotion const motion(id, delegate);
-        if (motion != _motion) {
-            _motion = motion;
-            motion.Send(id, _id, param);
-        }
-        _places.clear();
-        for (auto const& primvar : delegate->GetPrimvarDescriptors(id, HdInterpolationInstance)) {
-            if (IsPlace(primvar.name)) {
-                _places[primvar.name] = HdTrapezeSamplePrimvar(delegate, id, primvar.name, shutter);
-            }
-        }
-        auto const matrices = _places.find(HdInstancerTokens->instanceTransforms);
-        if (matrices != _places.end()) {
-            bool const evaluated = _AddMotion(delegate, id, shutter, &matrices->second);
-            bool const straight = _AddFrame(delegate, id, &matrices->second);
-            _matricesTurn = !evaluated && !straight;
-        }
-        for (VtValue& value : _places[HdInstancerTokens->instanceRotations].values) {
-            _MakeQuaternions<GfVec4f>(&value);
-            _MakeQuaternions<GfVec4d>(&value);
-        }
-        _placesChanged = true;
-        _primvars.Sync(HdTrapezePrimvars::Of::Instances, id, _id, {}, delegate, param);
+    if (bits & HdChangeTracker::DirtyTransform) {
+        instancer.SendTransform(HdTrapezeSampleTransform(delegate, id, instancer.shutter, true));
     }
     // Whether instances are visible is told with their prims, and in lists of instances.
     *dirtyBits &= ~HdChangeTracker::AllSceneDirtyBits;
+}
+
+void HdTrapezeInstancer::_SyncPlaces(HdTrapezeSyncing const& instancer) {
+    auto const& [id, handle, delegate, param, shutter, type] = instancer;
+    _places.clear();
+    for (auto const& primvar : delegate->GetPrimvarDescriptors(id, HdInterpolationInstance)) {
+        if (IsPlace(primvar.name)) {
+            _places[primvar.name] = HdTrapezeSamplePrimvar(delegate, id, primvar.name, shutter);
+        }
+    }
+    auto const matrices = _places.find(HdInstancerTokens->instanceTransforms);
+    if (matrices != _places.end()) {
+        bool const evaluated = _AddMotion(delegate, id, shutter, &matrices->second);
+        bool const straight = _AddFrame(delegate, id, &matrices->second);
+        _matricesTurn = !evaluated && !straight;
+    }
+    for (VtValue& value : _places[HdInstancerTokens->instanceRotations].values) {
+        _MakeQuaternions<GfQuath>(&value) || _MakeQuaternions<GfQuatd>(&value) ||
+            _MakeQuaternions<GfVec4f>(&value) || _MakeQuaternions<GfVec4d>(&value);
+    }
+    _placesChanged = true;
 }
 
 void HdTrapezeInstancer::Finalize(HdRenderParam* renderParam) {
@@ -181,7 +185,7 @@ void HdTrapezeInstancer::Finalize(HdRenderParam* renderParam) {
         parent->RemovePart(id);
     }
     if (_id != 0) {
-        param.Edit(trz_prim_remove(param.Session(), _id), id);
+        param.Edit(id, trz_prim_remove, _id);
         _id = 0;
     }
     HdInstancer::Finalize(renderParam);
@@ -214,62 +218,52 @@ void HdTrapezeInstancer::Commit(HdTrapezeRenderParam& param) {
             part.instances = number->first; // one of each is kept
             if (part.prototype != number->second) {
                 part.prototype = number->second;
-                param.Edit(trz_prim_set_instancer(param.Session(), part.id, _id,
-                                                  static_cast<uint32_t>(part.prototype)),
-                           GetId());
+                param.Edit(GetId(), trz_prim_set_instancer, part.id, _id,
+                           static_cast<uint32_t>(part.prototype));
             }
         }
         _placesChanged |= lists != _lists;
         _lists = std::move(lists);
     }
     if (_placesChanged) {
-        _SetValues(param);
+        _SendPlaces(param);
     }
     _partsChanged = _placesChanged = false;
 }
 
-void HdTrapezeInstancer::_SetValues(HdTrapezeRenderParam& param) {
-    auto const floats = [&](TfToken const& name, uint32_t width) {
-        return HdTrapezeFloatSamples(_places[name], width);
-    };
-    auto const positions = floats(HdInstancerTokens->instanceTranslations, 3);
-    auto const orientations = floats(HdInstancerTokens->instanceRotations, 4);
-    auto const scales = floats(HdInstancerTokens->instanceScales, 3);
-    auto const velocities = floats(HdTokens->velocities, 3);
-    auto const accelerations = floats(HdTokens->accelerations, 3);
-    auto const turns = floats(_tokens->angularVelocities, 3);
-    auto const& matrices = _places[HdInstancerTokens->instanceTransforms];
-    std::vector<double const*> matrixValues;
-    std::vector<size_t> matrixCounts;
-    for (VtValue const& value : matrices.values) {
-        auto const array = value.GetWithDefault<VtMatrix4dArray>(); // shares the value's numbers
-        matrixValues.push_back(array.empty() ? nullptr : array.cdata()->data());
-        matrixCounts.push_back(array.size());
-    }
+void HdTrapezeInstancer::_SendPlaces(HdTrapezeRenderParam& param) {
+    using Vectors = HdTrapezeArrays<GfVec3f, float>;
+    Vectors const positions(_places[HdInstancerTokens->instanceTranslations]);
+    HdTrapezeArrays<GfQuatf, float> const orientations(
+        _places[HdInstancerTokens->instanceRotations]);
+    Vectors const scales(_places[HdInstancerTokens->instanceScales]);
+    Vectors const velocities(_places[HdTokens->velocities]);
+    Vectors const accelerations(_places[HdTokens->accelerations]);
+    Vectors const turns(_places[_tokens->angularVelocities]);
+    HdTrapezeArrays<GfMatrix4d, double> const matrices(
+        _places[HdInstancerTokens->instanceTransforms]);
     std::vector<int const*> lists;
     std::vector<size_t> lengths;
     for (VtIntArray const& list : _lists) {
         lists.push_back(list.cdata());
         lengths.push_back(list.size());
     }
-    trz_instancer desc = {};
-    desc.struct_size = sizeof(desc);
+    auto desc = HdTrapezeStruct<trz_instancer>();
     desc.prototype_count = lists.size();
     desc.lists = lists.data();
     desc.list_counts = lengths.data();
-    desc.positions = positions.View();
-    desc.orientations = orientations.View();
-    desc.scales = scales.View();
-    desc.velocities = velocities.View();
-    desc.accelerations = accelerations.View();
-    desc.angular_velocities = turns.View();
-    desc.matrices = {matrices.times.data(), matrices.times.size(), matrixValues.data(),
-                     matrixCounts.data()};
+    desc.positions = positions.View<trz_float_samples>();
+    desc.orientations = orientations.View<trz_float_samples>();
+    desc.scales = scales.View<trz_float_samples>();
+    desc.velocities = velocities.View<trz_float_samples>();
+    desc.accelerations = accelerations.View<trz_float_samples>();
+    desc.angular_velocities = turns.View<trz_float_samples>();
+    desc.matrices = matrices.View<trz_matrix_samples>();
     desc.matrices_turn = _matricesTurn;
     if (!velocities.IsEmpty() || !accelerations.IsEmpty() || !turns.IsEmpty()) {
         desc.time_codes_per_second = param.TimeCodesPerSecond();
     }
-    param.Edit(trz_instancer_set(param.Session(), _id, &desc), GetId());
+    param.Edit(GetId(), trz_instancer_set, _id, &desc);
 }
 
 PXR_NAMESPACE_CLOSE_SCOPE

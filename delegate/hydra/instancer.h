@@ -1,11 +1,7 @@
 #ifndef HDTRAPEZE_INSTANCER_H
 #define HDTRAPEZE_INSTANCER_H
 
-#include "hdtrapeze.h"
-#include "prim.h"
 #include "primvars.h"
-#include "renderParam.h"
-#include "samples.h"
 
 #include "pxr/base/vt/array.h"
 #include "pxr/imaging/hd/instancer.h"
@@ -49,14 +45,15 @@ private:
         size_t prototype = SIZE_MAX;
     };
 
-    void _SetValues(HdTrapezeRenderParam& param);
+    void _SyncPlaces(HdTrapezeSyncing const& instancer);
+    void _SendPlaces(HdTrapezeRenderParam& param);
 
     trz_id _id = 0;
-    HdTrapezeMotion _motion;
     /// What says where instances are.
     std::map<TfToken, HdTrapezeSamples<VtValue>> _places;
     /// Between samples, instanceTransforms go along arcs; see HdTrapezeTransform.
     bool _matricesTurn = false;
+    HdTrapezeMotion _motion;
     HdTrapezePrimvars _primvars;
 
     std::mutex _mutex;

@@ -1,19 +1,36 @@
-#include "mesh.h"
-
 #include "numbers.h"
+#include "shapes.h"
+
 #include "pxr/imaging/hd/meshTopology.h"
 
 PXR_NAMESPACE_OPEN_SCOPE
 
 namespace {
 
-void _SetTopology(trz_id prim, SdfPath const& id, HdMeshTopology const& topology,
-                  PxOsdSubdivTags const& tags, HdTrapezeRenderParam& param) {
+// Hydra hands on the subsets that materials are bound to.
+void _SendSubsets(HdTrapezeSyncing const& prim, HdGeomSubsets const& subsets) {
+    std::vector<trz_subset> descs;
+    for (HdGeomSubset const& subset : subsets) {
+        trz_subset desc = {};
+        desc.path = subset.id.GetText();
+        desc.family = "materialBind";
+        desc.family_type = TRZ_FAMILY_NON_OVERLAPPING;
+        desc.element_type = TRZ_ELEMENT_FACE;
+        HdTrapezeView(subset.indices, &desc.indices, &desc.index_count);
+        descs.push_back(desc);
+    }
+    prim.Edit(trz_mesh_set_subsets, descs.data(), descs.size());
+}
+
+} // namespace
+
+void HdTrapezeSendMesh(HdTrapezeSyncing const& prim) {
+    HdMeshTopology const topology = prim.delegate->GetMeshTopology(prim.id);
+    PxOsdSubdivTags const tags = prim.delegate->GetSubdivTags(prim.id);
     auto const word = [&](char const* attribute, TfToken const& word) {
-        return param.Word(attribute, word, id);
+        return prim.Word(attribute, word);
     };
-    trz_topology desc = {};
-    desc.struct_size = sizeof(desc);
+    auto desc = HdTrapezeStruct<trz_topology>();
     desc.scheme = word("subdivisionScheme", topology.GetScheme());
     desc.boundary = word("interpolateBoundary", tags.GetVertexInterpolationRule());
     desc.face_varying =
@@ -28,37 +45,8 @@ void _SetTopology(trz_id prim, SdfPath const& id, HdMeshTopology const& topology
     HdTrapezeView(tags.GetCreaseWeights(), &desc.crease_sharpnesses, &desc.crease_sharpness_count);
     HdTrapezeView(tags.GetCornerIndices(), &desc.corner_indices, &desc.corner_count);
     HdTrapezeView(tags.GetCornerWeights(), &desc.corner_sharpnesses, &desc.corner_sharpness_count);
-    param.Edit(trz_mesh_set_topology(param.Session(), prim, &desc), id);
-}
-
-// Hydra hands on the subsets that materials are bound to.
-void _SetSubsets(trz_id prim, SdfPath const& id, HdGeomSubsets const& subsets,
-                 HdTrapezeRenderParam& param) {
-    std::vector<trz_subset> descs;
-    for (HdGeomSubset const& subset : subsets) {
-        trz_subset desc = {};
-        desc.path = subset.id.GetText();
-        desc.family = "materialBind";
-        desc.family_type = TRZ_FAMILY_NON_OVERLAPPING;
-        desc.element_type = TRZ_ELEMENT_FACE;
-        desc.indices = subset.indices.cdata();
-        desc.index_count = subset.indices.size();
-        descs.push_back(desc);
-    }
-    param.Edit(trz_mesh_set_subsets(param.Session(), prim, descs.data(), descs.size()), id);
-}
-
-} // namespace
-
-void HdTrapezeMesh::_SyncShape(HdTrapezePrim const& prim, HdSceneDelegate* delegate,
-                               HdTrapezeRenderParam& param, HdDirtyBits bits) {
-    SdfPath const& id = GetId();
-    if (HdChangeTracker::IsTopologyDirty(bits, id) ||
-        HdChangeTracker::IsSubdivTagsDirty(bits, id)) {
-        HdMeshTopology const topology = GetMeshTopology(delegate);
-        _SetTopology(prim.Id(), id, topology, GetSubdivTags(delegate), param);
-        _SetSubsets(prim.Id(), id, topology.GetGeomSubsets(), param);
-    }
+    prim.Edit(trz_mesh_set_topology, &desc);
+    _SendSubsets(prim, topology.GetGeomSubsets());
 }
 
 PXR_NAMESPACE_CLOSE_SCOPE

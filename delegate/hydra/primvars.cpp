@@ -1,7 +1,6 @@
 #include "primvars.h"
 
 #include "numbers.h"
-#include "samples.h"
 
 #include "pxr/imaging/hd/tokens.h"
 
@@ -16,31 +15,17 @@ auto _ElementSize(Descriptor const& primvar, int) -> decltype(primvar.elementSiz
 }
 template <class Descriptor> int _ElementSize(Descriptor const&, long) { return 1; }
 
-uint32_t _Interpolation(HdInterpolation interpolation) {
-    switch (interpolation) {
-    case HdInterpolationUniform:
-        return TRZ_INTERPOLATION_UNIFORM;
-    case HdInterpolationVarying:
-        return TRZ_INTERPOLATION_VARYING;
-    case HdInterpolationVertex:
-    case HdInterpolationInstance:
-        return TRZ_INTERPOLATION_VERTEX;
-    case HdInterpolationFaceVarying:
-        return TRZ_INTERPOLATION_FACE_VARYING;
-    default:
-        return TRZ_INTERPOLATION_CONSTANT;
-    }
-}
-
 // Hands on those samples that hold numbers of one kind; false where there is none.
-bool _Send(SdfPath const& id, trz_id prim, HdPrimvarDescriptor const& primvar, int elementSize,
-           HdTrapezeSamples<VtValue> const& samples, VtIntArray const& indices,
-           HdTrapezeRenderParam& param) {
+bool _Send(HdTrapezeSyncing const& prim, HdPrimvarDescriptor const& primvar, int elementSize,
+           HdTrapezeSamples<VtValue> const& samples, VtIntArray const& indices) {
+    // The library's constants are Hydra's, but that it knows instancers' primvars by their prims.
+    static_assert(TRZ_INTERPOLATION_UNIFORM == int(HdInterpolationUniform) &&
+                  TRZ_INTERPOLATION_FACE_VARYING == int(HdInterpolationFaceVarying));
     bool const isOfPoints = primvar.interpolation == HdInterpolationVertex ||
                             primvar.interpolation == HdInterpolationVarying;
-    trz_primvar desc = {};
-    desc.struct_size = sizeof(desc);
-    desc.interpolation = _Interpolation(primvar.interpolation);
+    auto desc = HdTrapezeStruct<trz_primvar>();
+    desc.interpolation = primvar.interpolation == HdInterpolationInstance ? HdInterpolationVertex
+                                                                          : primvar.interpolation;
     desc.role = primvar.role == HdPrimvarRoleTokens->color ? TRZ_ROLE_COLOR : TRZ_ROLE_NONE;
     desc.element_size = elementSize;
     desc.unauthored_index = -1;
@@ -61,9 +46,6 @@ bool _Send(SdfPath const& id, trz_id prim, HdPrimvarDescriptor const& primvar, i
         counts.push_back(numbers.count);
         indexCounts.push_back(isOfPoints && numbers.count > 1 ? indices.size() : 0);
     }
-    if (values.empty()) {
-        return false;
-    }
     std::vector<int const*> const indexArrays(values.size(), indices.cdata());
     desc.times = times.data();
     desc.sample_count = times.size();
@@ -71,8 +53,7 @@ bool _Send(SdfPath const& id, trz_id prim, HdPrimvarDescriptor const& primvar, i
     desc.value_counts = counts.data();
     desc.indices = indexArrays.data();
     desc.index_counts = indexCounts.data();
-    return param.Edit(trz_prim_set_primvar(param.Session(), prim, primvar.name.GetText(), &desc),
-                      id);
+    return !values.empty() && prim.Edit(trz_prim_set_primvar, primvar.name.GetText(), &desc);
 }
 
 // Whether something besides AOVs needs a primvar.
@@ -83,18 +64,14 @@ bool _IsNeeded(TfToken const& name) {
 
 } // namespace
 
-void HdTrapezePrimvars::Sync(Of of, SdfPath const& id, trz_id prim, VtIntArray const& indices,
-                             HdSceneDelegate* delegate, HdTrapezeRenderParam& param) {
-    GfInterval const shutter = param.Shutter();
-    std::set<TfToken> const wanted = param.WantedPrimvars();
+void HdTrapezePrimvars::Sync(HdTrapezeSyncing const& prim, Of of, VtIntArray const& indices) {
+    std::set<TfToken> const wanted = prim.param.WantedPrimvars();
     std::set<TfToken> sent;
-    auto const isWanted = [&](TfToken const& name) {
-        return (_IsNeeded(name) || wanted.count(name)) && !sent.count(name);
-    };
-    auto const send = [&](HdPrimvarDescriptor const& primvar, int elementSize,
-                          HdTrapezeSamples<VtValue> const& samples) {
-        if (_Send(id, prim, primvar, elementSize, samples, indices, param)) {
-            sent.insert(primvar.name);
+    auto const send = [&](HdPrimvarDescriptor const& primvar, int elementSize, auto sample) {
+        TfToken const& name = primvar.name;
+        if ((_IsNeeded(name) || wanted.count(name)) && !sent.count(name) &&
+            _Send(prim, primvar, elementSize, sample(), indices)) {
+            sent.insert(name);
         }
     };
     for (int i = 0; i < HdInterpolationCount; ++i) {
@@ -103,21 +80,19 @@ void HdTrapezePrimvars::Sync(Of of, SdfPath const& id, trz_id prim, VtIntArray c
             continue;
         }
         for (auto const& computed :
-             delegate->GetExtComputationPrimvarDescriptors(id, interpolation)) {
-            if (isWanted(computed.name)) {
-                send(computed, 1, HdTrapezeSampleComputed(delegate, computed, shutter));
-            }
+             prim.delegate->GetExtComputationPrimvarDescriptors(prim.id, interpolation)) {
+            send(computed, 1,
+                 [&] { return HdTrapezeSampleComputed(prim.delegate, computed, prim.shutter); });
         }
-        for (auto const& primvar : delegate->GetPrimvarDescriptors(id, interpolation)) {
-            if (isWanted(primvar.name)) {
-                send(primvar, _ElementSize(primvar, 0),
-                     HdTrapezeSamplePrimvar(delegate, id, primvar.name, shutter));
-            }
+        for (auto const& primvar : prim.delegate->GetPrimvarDescriptors(prim.id, interpolation)) {
+            send(primvar, _ElementSize(primvar, 0), [&] {
+                return HdTrapezeSamplePrimvar(prim.delegate, prim.id, primvar.name, prim.shutter);
+            });
         }
     }
     for (TfToken const& name : _sent) {
         if (!sent.count(name)) {
-            param.Edit(trz_prim_set_primvar(param.Session(), prim, name.GetText(), nullptr), id);
+            prim.Edit(trz_prim_set_primvar, name.GetText(), nullptr);
         }
     }
     _sent = std::move(sent);

@@ -1,11 +1,9 @@
 #ifndef HDTRAPEZE_PRIMVARS_H
 #define HDTRAPEZE_PRIMVARS_H
 
-#include "hdtrapeze.h"
-#include "renderParam.h"
+#include "syncing.h"
 
 #include "pxr/base/vt/array.h"
-#include "pxr/imaging/hd/sceneDelegate.h"
 #include "pxr/pxr.h"
 
 #include <set>
@@ -19,9 +17,8 @@ public:
     enum class Of { Prim, Instances };
 
     /// Pulls those that shading, curves and points need and AOVs show; removes those that are no
-    /// more. `indices` are HdTrapezePrim::Indices.
-    void Sync(Of of, SdfPath const& id, trz_id prim, VtIntArray const& indices,
-              HdSceneDelegate* delegate, HdTrapezeRenderParam& param);
+    /// more. `indices` are which of the points each vertex is; none where they are in order.
+    void Sync(HdTrapezeSyncing const& prim, Of of, VtIntArray const& indices = {});
 
 private:
     std::set<TfToken> _sent;

@@ -1,6 +1,7 @@
 #include "products.h"
 
 #include "camera.h"
+#include "numbers.h"
 
 #include "pxr/base/vt/dictionary.h"
 #include "pxr/imaging/hd/aov.h"
@@ -26,8 +27,7 @@ void HdTrapezeProducts::Add(HdRenderSettings::RenderProduct const& product,
                             HdTrapezeCamera const* camera, trz_settings const& settings,
                             trz_session* session) {
     auto const& vars = _vars.emplace_back(_Vars(product, session));
-    trz_product out = {};
-    out.struct_size = sizeof(out);
+    auto out = HdTrapezeStruct<trz_product>();
     out.path = product.productPath.GetText();
     out.type = product.type.GetText();
     out.name = product.name.GetText();

@@ -3,34 +3,27 @@
 #include "numbers.h"
 #include "renderParam.h"
 
+#include <map>
 #include <new>
+#include <optional>
 
 PXR_NAMESPACE_OPEN_SCOPE
 
 namespace {
 
-// TRZ_COMPONENT_* of a format's components. False for those of other types.
-bool _Component(HdFormat format, uint32_t* out) {
-    switch (HdGetComponentFormat(format)) {
-    case HdFormatFloat32:
-    case HdFormatFloat32UInt8: // a depth, and as many bytes with a stencil, which stays 0
-        *out = TRZ_COMPONENT_FLOAT32;
-        return true;
-    case HdFormatFloat16:
-        *out = TRZ_COMPONENT_FLOAT16;
-        return true;
-    case HdFormatInt32:
-        *out = TRZ_COMPONENT_INT32;
-        return true;
-    case HdFormatUNorm8:
-        *out = TRZ_COMPONENT_UNORM8;
-        return true;
-    case HdFormatSNorm8:
-        *out = TRZ_COMPONENT_SNORM8;
-        return true;
-    default:
-        return false;
-    }
+// TRZ_COMPONENT_* of a format's components, where they are supported.
+std::optional<uint32_t> _Component(HdFormat format) {
+    static std::map<HdFormat, uint32_t> const components = {
+        {HdFormatFloat32, TRZ_COMPONENT_FLOAT32},
+        // A depth, and as many bytes with a stencil, which stays 0.
+        {HdFormatFloat32UInt8, TRZ_COMPONENT_FLOAT32},
+        {HdFormatFloat16, TRZ_COMPONENT_FLOAT16},
+        {HdFormatInt32, TRZ_COMPONENT_INT32},
+        {HdFormatUNorm8, TRZ_COMPONENT_UNORM8},
+        {HdFormatSNorm8, TRZ_COMPONENT_SNORM8},
+    };
+    auto const found = components.find(HdGetComponentFormat(format));
+    return found == components.end() ? std::nullopt : std::optional<uint32_t>(found->second);
 }
 
 } // namespace
@@ -76,7 +69,7 @@ bool HdTrapezeRenderBuffer::Allocate(GfVec3i const& dimensions, HdFormat format,
                 dimensions[1]);
         return false;
     }
-    if (!_Component(format, &_shown.component)) {
+    if (!_Component(format)) {
         TF_WARN("Trapeze: pixels of format %d are not supported; <%s> stays black",
                 static_cast<int>(format), GetId().GetText());
     }
@@ -115,7 +108,8 @@ bool HdTrapezeRenderBuffer::IsConverged() const {
 
 // Copies what was rendered, where that is more than what is there.
 void HdTrapezeRenderBuffer::_Update() {
-    if (!_param || _data.empty() || !_Component(_format, &_shown.component)) {
+    std::optional<uint32_t> const component = _Component(_format);
+    if (!_param || _data.empty() || !component) {
         return;
     }
     bool const hasStencil = _format == HdFormatFloat32UInt8;
@@ -123,8 +117,9 @@ void HdTrapezeRenderBuffer::_Update() {
                               ? VtValue(_clear.UncheckedGet<HdDepthStencilType>().first)
                               : _clear;
     HdTrapezeNumbers clear;
-    bool const isClear = HdTrapezeNumbers::View(value, &clear) && !clear.isArray;
+    bool const isClear = !value.IsArrayValued() && HdTrapezeNumbers::View(value, &clear);
     _shown.struct_size = sizeof(_shown);
+    _shown.component = *component;
     _shown.components = hasStencil ? 2 : static_cast<uint32_t>(HdGetComponentCount(_format));
     _shown.bottom_up = 1;
     _shown.origin[0] = _origin[0];

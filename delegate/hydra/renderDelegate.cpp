@@ -1,20 +1,14 @@
 #include "renderDelegate.h"
 
-#include "basisCurves.h"
 #include "camera.h"
 #include "commands.h"
-#include "implicit.h"
+#include "ignored.h"
 #include "instancer.h"
-#include "light.h"
-#include "material.h"
-#include "mesh.h"
-#include "nurbsCurves.h"
-#include "nurbsPatch.h"
-#include "points.h"
+#include "numbers.h"
 #include "renderBuffer.h"
 #include "renderPass.h"
 #include "renderSettings.h"
-#include "unsupported.h"
+#include "rprim.h"
 
 #include "pxr/imaging/hd/extComputation.h"
 #include "pxr/imaging/hd/resourceRegistry.h"
@@ -25,19 +19,6 @@
 PXR_NAMESPACE_OPEN_SCOPE
 
 namespace {
-
-TfTokenVector const& _Lights() {
-    static TfTokenVector const types = {
-        HdPrimTypeTokens->distantLight, HdPrimTypeTokens->domeLight,
-        HdPrimTypeTokens->sphereLight,  HdPrimTypeTokens->rectLight,
-        HdPrimTypeTokens->diskLight,    HdPrimTypeTokens->cylinderLight,
-    };
-    return types;
-}
-
-bool _Has(TfTokenVector const& types, TfToken const& type) {
-    return std::find(types.begin(), types.end(), type) != types.end();
-}
 
 HdAovDescriptor _Describe(HdFormat format, VtValue const& clear) { return {format, false, clear}; }
 
@@ -78,13 +59,20 @@ HdTrapezeRenderDelegate::HdTrapezeRenderDelegate(HdRenderSettingsMap const& sett
     _PopulateDefaultSettings(GetRenderSettingDescriptors());
 }
 
+TfTokenVector const& HdTrapezeRenderDelegate::Lights() {
+    static TfTokenVector const types = {
+        HdPrimTypeTokens->distantLight, HdPrimTypeTokens->domeLight,
+        HdPrimTypeTokens->sphereLight,  HdPrimTypeTokens->rectLight,
+        HdPrimTypeTokens->diskLight,    HdPrimTypeTokens->cylinderLight,
+    };
+    return types;
+}
+
 TfTokenVector const& HdTrapezeRenderDelegate::GetSupportedRprimTypes() const {
     static TfTokenVector const types = [] {
-        TfTokenVector types = {HdPrimTypeTokens->mesh, HdPrimTypeTokens->basisCurves,
-                               HdPrimTypeTokens->points, HdPrimTypeTokens->nurbsPatch,
-                               HdPrimTypeTokens->nurbsCurves};
-        for (auto const& more : {HdTrapezeImplicit::Types(), HdTrapezeUnsupported::Types()}) {
-            types.insert(types.end(), more.begin(), more.end());
+        TfTokenVector types;
+        for (HdTrapezeShape const& shape : HdTrapezeShapes()) {
+            types.push_back(shape.type);
         }
         return types;
     }();
@@ -93,9 +81,9 @@ TfTokenVector const& HdTrapezeRenderDelegate::GetSupportedRprimTypes() const {
 
 TfTokenVector const& HdTrapezeRenderDelegate::GetSupportedSprimTypes() const {
     static TfTokenVector const types = [] {
-        TfTokenVector types = {HdPrimTypeTokens->camera, HdPrimTypeTokens->extComputation,
-                               HdPrimTypeTokens->material};
-        types.insert(types.end(), _Lights().begin(), _Lights().end());
+        TfTokenVector types = Lights();
+        types.insert(types.end(), {HdPrimTypeTokens->camera, HdPrimTypeTokens->extComputation,
+                                   HdPrimTypeTokens->material});
         return types;
     }();
     return types;
@@ -136,8 +124,7 @@ bool HdTrapezeRenderDelegate::IsInteractive() const {
 VtDictionary HdTrapezeRenderDelegate::GetRenderStats() const {
     VtDictionary stats;
     trz_progress const progress = _param->Progress();
-    trz_statistics numbers = {};
-    numbers.struct_size = sizeof(numbers);
+    auto numbers = HdTrapezeStruct<trz_statistics>();
     if (trz_statistics_get(_param->Session(), &numbers) != TRZ_OK) {
         return stats;
     }
@@ -213,26 +200,14 @@ HdInstancer* HdTrapezeRenderDelegate::CreateInstancer(HdSceneDelegate* delegate,
 void HdTrapezeRenderDelegate::DestroyInstancer(HdInstancer* instancer) { delete instancer; }
 
 HdRprim* HdTrapezeRenderDelegate::CreateRprim(TfToken const& type, SdfPath const& id) {
-    if (type == HdPrimTypeTokens->mesh) {
-        return new HdTrapezeMesh(id);
-    }
-    if (type == HdPrimTypeTokens->basisCurves) {
-        return new HdTrapezeBasisCurves(id);
-    }
-    if (type == HdPrimTypeTokens->points) {
-        return new HdTrapezePoints(id);
-    }
-    if (type == HdPrimTypeTokens->nurbsPatch) {
-        return new HdTrapezeNurbsPatch(id);
-    }
-    if (type == HdPrimTypeTokens->nurbsCurves) {
-        return new HdTrapezeNurbsCurves(id);
-    }
-    if (_Has(HdTrapezeImplicit::Types(), type)) {
-        return new HdTrapezeImplicit(id, type);
-    }
-    if (_Has(HdTrapezeUnsupported::Types(), type)) {
-        return new HdTrapezeUnsupported(id, type, Param());
+    for (HdTrapezeShape const& shape : HdTrapezeShapes()) {
+        if (shape.type == type) {
+            if (!shape.create) {
+                _param->WarnOnce(id, "prims of type " + type.GetString() +
+                                         " are not supported; it is left out");
+            }
+            return new HdTrapezeRprim(id, shape);
+        }
     }
     TF_CODING_ERROR("Trapeze: no prims of type %s", type.GetText());
     return nullptr;
@@ -250,8 +225,8 @@ HdSprim* HdTrapezeRenderDelegate::CreateSprim(TfToken const& type, SdfPath const
     if (type == HdPrimTypeTokens->material) {
         return new HdTrapezeMaterial(id);
     }
-    if (_Has(_Lights(), type)) {
-        return new HdTrapezeLight(id, type);
+    if (std::count(Lights().begin(), Lights().end(), type)) {
+        return new HdTrapezeLight(id);
     }
     TF_CODING_ERROR("Trapeze: no state of type %s", type.GetText());
     return nullptr;

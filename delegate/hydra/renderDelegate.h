@@ -22,6 +22,9 @@ public:
     /// Whether an AOV of that name is rendered.
     static bool IsAov(TfToken const& name);
 
+    /// Hydra's types of lights.
+    static TfTokenVector const& Lights();
+
     /// What the host has set, beside defaults.
     HdTrapezeSettingsLayer const& Settings() const { return _settings; }
 

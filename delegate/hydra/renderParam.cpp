@@ -1,6 +1,7 @@
 #include "renderParam.h"
 
 #include "instancer.h"
+#include "numbers.h"
 #include "schema.h"
 
 #include "pxr/base/tf/diagnostic.h"
@@ -20,18 +21,18 @@ namespace {
 
 // Messages go where Hydra's own go; TF_WARN and TF_STATUS may be used from any thread.
 void _Log(void*, uint32_t level, char const* path, char const* code, char const* text) {
-    char const* const at = *path ? " <" : "";
-    char const* const end = *path ? ">" : "";
+    std::string const at = *path ? TfStringPrintf(" <%s>", path) : "";
     std::string const kind = *code ? TfStringPrintf(" (%s)", code) : "";
+    std::string const message = "Trapeze" + at + ": " + text + kind;
     switch (level) {
     case TRZ_LOG_ERROR:
-        TF_RUNTIME_ERROR("Trapeze%s%s%s: %s%s", at, path, end, text, kind.c_str());
+        TF_RUNTIME_ERROR(message);
         break;
     case TRZ_LOG_WARN:
-        TF_WARN("Trapeze%s%s%s: %s%s", at, path, end, text, kind.c_str());
+        TF_WARN(message);
         break;
     default:
-        TF_STATUS("Trapeze%s%s%s: %s", at, path, end, text);
+        TF_STATUS(message);
     }
 }
 
@@ -48,7 +49,7 @@ HdTrapezeRenderParam::HdTrapezeRenderParam() {
 
 HdTrapezeRenderParam::~HdTrapezeRenderParam() { trz_session_destroy(_session); }
 
-bool HdTrapezeRenderParam::Edit(trz_result result, SdfPath const& id) {
+bool HdTrapezeRenderParam::_IsDone(trz_result result, SdfPath const& id) const {
     // A poisoned session says so of every call; what poisoned it has told why.
     if (result != TRZ_OK && result != TRZ_ERROR_POISONED) {
         Warn(id, std::string(trz_last_error()) + " (" + trz_result_name(result) + ")");
@@ -56,29 +57,8 @@ bool HdTrapezeRenderParam::Edit(trz_result result, SdfPath const& id) {
     return result == TRZ_OK;
 }
 
-void HdTrapezeRenderParam::SetTransform(trz_id prim, HdTrapezeTransform const& samples,
-                                        SdfPath const& id) {
-    auto const& [times, values] = static_cast<HdTrapezeSamples<GfMatrix4d> const&>(samples);
-    trz_transform_samples const level = {times.data(),
-                                         values.empty() ? nullptr : values.front().GetArray(),
-                                         values.size(), samples.turns};
-    Edit(trz_prim_set_transform(_session, prim, &level, values.empty() ? 0 : 1), id);
-}
-
-uint32_t HdTrapezeRenderParam::Word(char const* attribute, TfToken const& word, SdfPath const& id) {
-    uint32_t constant = 0;
-    if (trz_word(attribute, word.GetText(), &constant) == TRZ_ERROR_NOT_FOUND) {
-        WarnOnce(id, "unknown word " + word.GetString() + "; USD's fallback is used");
-    }
-    return constant;
-}
-
 void HdTrapezeRenderParam::Warn(SdfPath const& id, std::string const& text) const {
-    if (id.IsEmpty()) {
-        TF_WARN("Trapeze: %s", text.c_str());
-    } else {
-        TF_WARN("Trapeze <%s>: %s", id.GetText(), text.c_str());
-    }
+    _Log(nullptr, TRZ_LOG_WARN, id.GetText(), "", text.c_str());
 }
 
 void HdTrapezeRenderParam::WarnOnce(SdfPath const& id, std::string const& text) {
@@ -92,8 +72,7 @@ void HdTrapezeRenderParam::WarnOnce(SdfPath const& id, std::string const& text) 
 }
 
 trz_progress HdTrapezeRenderParam::Progress() const {
-    trz_progress progress = {};
-    progress.struct_size = sizeof(progress);
+    auto progress = HdTrapezeStruct<trz_progress>();
     if (trz_render_progress(_session, &progress) != TRZ_OK) {
         progress.view_converged = progress.view_stopped = 1;
     }
@@ -141,44 +120,34 @@ bool HdTrapezeRenderParam::HasDelegates(HdRenderIndex const& index) const {
 
 // Change trackers take marks for prims of scene delegates only. For those of scene indices it is
 // their observer that is told, which hands them on to the render index.
-void HdTrapezeRenderParam::_TellObserver(
-    HdRenderIndex& index, HdSceneIndexObserver::DirtiedPrimEntries const& entries) const {
-    auto const all = prims.All();
-    HdSceneDelegate* const delegate =
-        all.empty() ? nullptr : index.GetSceneDelegateForRprim(all.begin()->first);
-    if (auto* const observer = dynamic_cast<HdSceneIndexObserver*>(delegate)) {
-        observer->PrimsDirtied(*index.GetTerminalSceneIndex(), entries);
+void HdTrapezeRenderParam::MarkDirty(HdRenderIndex& index, SdfPath const& id, Mark mark,
+                                     HdDirtyBits bits,
+                                     HdDataSourceLocatorSet const& locators) const {
+    HdSceneIndexObserver* const observer = _observer;
+    if (!observer || IsOfDelegate(index, id)) {
+        (index.GetChangeTracker().*mark)(id, bits);
+    } else {
+        observer->PrimsDirtied(*index.GetTerminalSceneIndex(), {{id, locators}});
     }
 }
 
 bool HdTrapezeRenderParam::_MarkDirty(HdRenderIndex& index, HdDirtyBits bits, Source source) const {
-    HdChangeTracker& tracker = index.GetChangeTracker();
     HdDataSourceLocatorSet const locators = {
         HdXformSchema::GetDefaultLocator(),
         HdPrimvarsSchema::GetDefaultLocator(),
         HdExtComputationPrimvarsSchema::GetDefaultLocator(),
     };
-    HdSceneIndexObserver::DirtiedPrimEntries entries;
     bool any = false;
-    auto const mark = [&](auto const& all, auto markOfDelegate) {
+    auto const markAll = [&](auto const& all, Mark mark) {
         for (auto const& [id, one] : all) {
-            bool const isOfDelegate = IsOfDelegate(index, id);
-            if (source == (isOfDelegate ? Source::SceneIndices : Source::Delegates)) {
-                continue;
-            }
-            any = true;
-            if (isOfDelegate) {
-                (tracker.*markOfDelegate)(id, bits);
-            } else {
-                entries.emplace_back(id, locators);
+            if (source != (IsOfDelegate(index, id) ? Source::SceneIndices : Source::Delegates)) {
+                any = true;
+                MarkDirty(index, id, mark, bits, locators);
             }
         }
     };
-    mark(prims.All(), &HdChangeTracker::MarkRprimDirty);
-    mark(instancers.All(), &HdChangeTracker::MarkInstancerDirty);
-    if (!entries.empty()) {
-        _TellObserver(index, entries);
-    }
+    markAll(prims.All(), &HdChangeTracker::MarkRprimDirty);
+    markAll(instancers.All(), &HdChangeTracker::MarkInstancerDirty);
     return any;
 }
 

@@ -8,6 +8,7 @@
 #include "pxr/base/tf/token.h"
 #include "pxr/imaging/hd/changeTracker.h"
 #include "pxr/imaging/hd/renderDelegate.h"
+#include "pxr/imaging/hd/sceneDelegate.h"
 #include "pxr/imaging/hd/sceneIndexObserver.h"
 #include "pxr/pxr.h"
 #include "pxr/usd/sdf/path.h"
@@ -25,9 +26,7 @@ PXR_NAMESPACE_OPEN_SCOPE
 
 class HdRenderIndex;
 class HdTrapezeInstancer;
-class HdTrapezePrim;
-class HdTrapezeRenderSettings;
-struct HdTrapezeTransform;
+class HdTrapezeRprim;
 
 /// What the prims of one render delegate share: the renderer's session, the shutter that motion is
 /// sampled for, and who there is. Functions may be called from any thread unless they say
@@ -40,15 +39,12 @@ public:
 
     trz_session* Session() const { return _session; }
 
-    /// Whether a call was a success; otherwise warns, naming the prim.
-    bool Edit(trz_result result, SdfPath const& id);
-
-    /// Sends a transform to the session.
-    void SetTransform(trz_id prim, HdTrapezeTransform const& samples, SdfPath const& id);
-
-    /// The constant that a word stands for as the value of an attribute, USD's fallback where the
-    /// word is empty. What is unknown gives a warning.
-    uint32_t Word(char const* attribute, TfToken const& word, SdfPath const& id);
+    /// Calls one of the C ABI's functions for the session. Whether it was a success; otherwise
+    /// warns, naming the prim.
+    template <class F, class... Arguments>
+    bool Edit(SdfPath const& id, F function, Arguments... arguments) const {
+        return _session && _IsDone(function(_session, arguments...), id);
+    }
 
     /// A warning about a prim, or, with an empty path, about none.
     void Warn(SdfPath const& id, std::string const& text) const;
@@ -80,6 +76,18 @@ public:
     /// Has what may move synced again. True where there is any.
     bool MarkMotionDirty(HdRenderIndex& index, Source source) const;
 
+    /// Has one prim synced again: what `bits` stand for, `locators` of scene indices. `mark` is the
+    /// change tracker's function for such prims.
+    using Mark = void (HdChangeTracker::*)(SdfPath const&, HdDirtyBits);
+    void MarkDirty(HdRenderIndex& index, SdfPath const& id, Mark mark, HdDirtyBits bits,
+                   HdDataSourceLocatorSet const& locators) const;
+
+    /// Says what hands on marks for prims of scene indices: the host's scene delegate, where it has
+    /// any.
+    void SetObserver(HdSceneDelegate* delegate) {
+        _observer = dynamic_cast<HdSceneIndexObserver*>(delegate);
+    }
+
     /// Whether a prim comes from a scene delegate, not from a scene index.
     static bool IsOfDelegate(HdRenderIndex const& index, SdfPath const& id);
 
@@ -101,9 +109,8 @@ public:
 
     // Prims --------------------------------------------------------------------------------------
 
-    HdTrapezeRegistry<HdTrapezePrim> prims;
+    HdTrapezeRegistry<HdTrapezeRprim> prims;
     HdTrapezeRegistry<HdTrapezeInstancer> instancers;
-    HdTrapezeRegistry<HdTrapezeRenderSettings> renderSettings;
 
     /// Has the instances of prototypes that were synced placed. Not during Sync.
     void CommitInstancers();
@@ -120,21 +127,13 @@ public:
     void SetIncludedBy(void const* pass, Included const& included);
     void RemovePass(void const* pass);
 
-    // Lights -------------------------------------------------------------------------------------
-
-    /// Lights that the host has: those of the scene, and the one that it puts at the camera.
-    void AddLight() { ++_lights; }
-    void RemoveLight() { --_lights; }
-    bool HasLights() const { return _lights > 0; }
-
 private:
-    void _TellObserver(HdRenderIndex& index,
-                       HdSceneIndexObserver::DirtiedPrimEntries const& entries) const;
+    bool _IsDone(trz_result result, SdfPath const& id) const;
     bool _MarkDirty(HdRenderIndex& index, HdDirtyBits bits, Source source) const;
 
     trz_session* _session = nullptr;
+    std::atomic<HdSceneIndexObserver*> _observer{nullptr};
     std::atomic<uint64_t> _visibilityVersion{0};
-    std::atomic<int> _lights{0};
     std::atomic<double> _timeCodesPerSecond{24.0};
     std::atomic<bool> _isRateTold{false};
     std::atomic<bool> _saidRate{false};

@@ -1,11 +1,12 @@
 #include "renderPass.h"
 
 #include "camera.h"
-#include "prim.h"
+#include "numbers.h"
 #include "renderBuffer.h"
 #include "renderDelegate.h"
 #include "renderParam.h"
 #include "renderSettings.h"
+#include "rprim.h"
 
 #include "pxr/imaging/hd/renderIndex.h"
 #include "pxr/imaging/hd/renderPassState.h"
@@ -13,6 +14,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <map>
 #include <set>
 
 PXR_NAMESPACE_OPEN_SCOPE
@@ -27,31 +30,32 @@ float _RateOfLevel(int level) {
 }
 
 uint32_t _WindowPolicy(CameraUtilConformWindowPolicy policy) {
-    switch (policy) {
-    case CameraUtilMatchHorizontally:
-        return TRZ_WINDOW_MATCH_HORIZONTALLY;
-    case CameraUtilMatchVertically:
-        return TRZ_WINDOW_MATCH_VERTICALLY;
-    case CameraUtilFit:
-        return TRZ_WINDOW_FIT;
-    case CameraUtilCrop:
-        return TRZ_WINDOW_CROP;
-    default:
-        return TRZ_WINDOW_DONT_CONFORM;
-    }
+    static std::map<CameraUtilConformWindowPolicy, uint32_t> const policies = {
+        {CameraUtilMatchHorizontally, TRZ_WINDOW_MATCH_HORIZONTALLY},
+        {CameraUtilMatchVertically, TRZ_WINDOW_MATCH_VERTICALLY},
+        {CameraUtilFit, TRZ_WINDOW_FIT},
+        {CameraUtilCrop, TRZ_WINDOW_CROP},
+    };
+    auto const found = policies.find(policy);
+    return found == policies.end() ? TRZ_WINDOW_DONT_CONFORM : found->second;
 }
 
 uint32_t _Cull(HdCullStyle style, uint32_t fallback) {
-    switch (style) {
-    case HdCullStyleBack:
-        return TRZ_CULL_BACK;
-    case HdCullStyleFront:
-        return TRZ_CULL_FRONT;
-    case HdCullStyleBackUnlessDoubleSided:
-        return TRZ_CULL_BACK_UNLESS_DOUBLE_SIDED;
-    default:
-        return fallback;
-    }
+    static std::map<HdCullStyle, uint32_t> const styles = {
+        {HdCullStyleBack, TRZ_CULL_BACK},
+        {HdCullStyleFront, TRZ_CULL_FRONT},
+        {HdCullStyleBackUnlessDoubleSided, TRZ_CULL_BACK_UNLESS_DOUBLE_SIDED},
+    };
+    auto const found = styles.find(style);
+    return found == styles.end() ? fallback : found->second;
+}
+
+// Whether the host has lights: those of the scene, or the one that it puts at the camera.
+bool _HasLights(HdRenderIndex& index) {
+    auto const& types = HdTrapezeRenderDelegate::Lights();
+    return std::any_of(types.begin(), types.end(), [&](TfToken const& type) {
+        return !index.GetSprimSubtree(type, SdfPath::AbsoluteRootPath()).empty();
+    });
 }
 
 // Image, data window and pixel aspect of the settings, from the framing or, of older hosts, the
@@ -64,25 +68,21 @@ bool _SetFraming(HdRenderPassState const& state, trz_settings* settings, GfVec2i
         framing = CameraUtilFraming(
             GfRect2i(GfVec2i(0), static_cast<int>(viewport[2]), static_cast<int>(viewport[3])));
     }
-    GfVec2f const size = framing.displayWindow.GetSize();
     GfVec2f const corner = framing.displayWindow.GetMin();
-    GfRect2i const& data = framing.dataWindow;
+    GfVec2f const size = framing.displayWindow.GetSize();
+    GfRect2i data = framing.dataWindow;
     if (!(size[0] >= 0.5f && size[1] >= 0.5f) || data.IsEmpty()) {
         return false;
     }
-    int const x = static_cast<int>(std::lround(corner[0]));
-    int const y = static_cast<int>(std::lround(corner[1]));
+    *origin = GfVec2i(-std::lround(corner[0]), -std::lround(corner[1]));
     settings->width = static_cast<uint32_t>(std::lround(size[0]));
     settings->height = static_cast<uint32_t>(std::lround(size[1]));
-    int32_t const window[4] = {data.GetMinX() - x, data.GetMinY() - y, data.GetMaxX() + 1 - x,
-                               data.GetMaxY() + 1 - y};
-    int32_t const image[4] = {0, 0, static_cast<int32_t>(settings->width),
-                              static_cast<int32_t>(settings->height)};
-    if (!std::equal(window, window + 4, image)) {
-        std::copy(window, window + 4, settings->data_window);
-    }
     settings->pixel_aspect = framing.pixelAspectRatio;
-    *origin = GfVec2i(-x, -y);
+    data.Translate(*origin);
+    if (data != GfRect2i(GfVec2i(0), settings->width, settings->height)) {
+        std::copy_n(data.GetMin().data(), 2, settings->data_window);
+        std::copy_n((data.GetMax() + GfVec2i(1)).data(), 2, settings->data_window + 2);
+    }
     return true;
 }
 
@@ -117,10 +117,10 @@ void HdTrapezeRenderPass::_Include(TfTokenVector const& tags) {
         SdfPath const& id = path;
         auto const isAbove = [&](SdfPath const& path) { return id.HasPrefix(path); };
         bool const tagged =
-            tags.empty() || std::find(tags.begin(), tags.end(), prim->RenderTag()) != tags.end();
+            tags.empty() || std::find(tags.begin(), tags.end(), prim->GetRenderTag()) != tags.end();
         bool const collected = std::any_of(roots.begin(), roots.end(), isAbove) &&
                                std::none_of(excluded.begin(), excluded.end(), isAbove);
-        prim->Include(id, tagged && collected, param);
+        prim->Include(tagged && collected, param);
         _refineLevel = std::max(_refineLevel, prim->RefineLevel());
     }
 }
@@ -133,22 +133,21 @@ bool HdTrapezeRenderPass::_SampleMotion() {
     HdRenderIndex& index = *GetRenderIndex();
     HdTrapezeRenderParam& param = _delegate->Param();
     trz_settings settings = HdTrapezeDefaultSettings();
-    if (auto const* const prim = param.renderSettings.Find(HdTrapezeActiveSettings(index))) {
+    if (auto const* const prim = HdTrapezeActiveSettings(index)) {
         prim->Apply(&settings);
     }
     _delegate->Settings().Apply(&settings);
-    std::optional<double> const told = HdTrapezeStageRate(index);
-    double const set = settings.time_codes_per_second;
-    double const rate = told.value_or(set > 0.0 ? set : 24.0);
+    double const told = HdTrapezeSceneGlobal(index, "timeCodesPerSecond", 0.0);
+    double const rate = told > 0.0 ? told : settings.time_codes_per_second;
     bool const sampled = param.SampleShutter(index);
-    return param.SetTimeCodesPerSecond(rate, told || set > 0.0, index) || sampled;
+    return param.SetTimeCodesPerSecond(rate > 0.0 ? rate : 24.0, rate > 0.0, index) || sampled;
 }
 
 // True where a camera lacks samples of the shutter that the host asks for: it is synced again.
 bool HdTrapezeRenderPass::_LacksShutter(HdTrapezeCamera const& camera) {
     bool const lacks = !camera.Sampled().Contains(_delegate->Settings().Shutter());
     if (lacks) {
-        camera.SampleAgain(*GetRenderIndex());
+        camera.SampleAgain(*GetRenderIndex(), _delegate->Param());
     }
     return lacks;
 }
@@ -202,7 +201,7 @@ bool HdTrapezeRenderPass::_MakeView(HdRenderPassState const& state,
     settings->shading_rate *= _RateOfLevel(_refineLevel);
     settings->window_policy = _WindowPolicy(state.GetWindowPolicy());
     settings->cull = _Cull(state.GetCullStyle(), settings->cull);
-    settings->camera_light &= param.HasLights() && state.GetLightingEnabled() ? 1 : 0;
+    settings->camera_light &= state.GetLightingEnabled() && _HasLights(*GetRenderIndex()) ? 1 : 0;
     for (HdRenderPassAovBinding const& binding : state.GetAovBindings()) {
         auto* const buffer = static_cast<HdTrapezeRenderBuffer*>(binding.renderBuffer);
         if (buffer && HdTrapezeRenderDelegate::IsAov(binding.aovName)) {
@@ -250,8 +249,7 @@ void HdTrapezeRenderPass::_Execute(HdRenderPassStateSharedPtr const& state,
         return;
     }
     HdRenderIndex& index = *GetRenderIndex();
-    HdTrapezeRenderSettings const* const prim =
-        param.renderSettings.Find(HdTrapezeActiveSettings(index));
+    HdTrapezeRenderSettings const* const prim = HdTrapezeActiveSettings(index);
     _Include(tags);
     if (prim) {
         prim->CheckPurposes(tags, param);
@@ -279,13 +277,14 @@ void HdTrapezeRenderPass::_Execute(HdRenderPassStateSharedPtr const& state,
     if (_resyncing) {
         return;
     }
-    trz_view view = {};
-    view.struct_size = sizeof(view);
+    auto view = HdTrapezeStruct<trz_view>();
     view.camera = camera->Id();
     view.settings = &settings;
     view.aovs = aovs.data();
     view.aov_count = static_cast<uint32_t>(aovs.size());
-    view.frame = HdTrapezeCurrentFrame(index);
+    // Not finite of hosts that do not tell, and at the default time.
+    view.frame =
+        HdTrapezeSceneGlobal(index, "currentFrame", std::numeric_limits<double>::quiet_NaN());
     if (prim) {
         view.settings_path = prim->GetId().GetText();
         HdTrapezeReadShape(index, prim->GetId(), &view);

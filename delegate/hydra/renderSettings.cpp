@@ -12,7 +12,6 @@
 #include "pxr/imaging/hd/version.h"
 
 #include <algorithm>
-#include <limits>
 
 PXR_NAMESPACE_OPEN_SCOPE
 
@@ -25,17 +24,11 @@ TF_DEFINE_PRIVATE_TOKENS(_tokens,
 
 // An attribute of a RenderSettings or RenderProduct prim, of scene indices.
 template <class T>
-std::optional<T> _Authored(HdRenderIndex const& index, SdfPath const& id, TfToken const& name) {
-    HdContainerDataSourceHandle const source = HdTrapezeFindSource(index, id);
-    for (TfToken const& schema : {_tokens->usdRenderSettings, _tokens->usdRenderProduct}) {
-        auto const prim = source ? HdContainerDataSource::Cast(source->Get(schema))
-                                 : HdContainerDataSourceHandle();
-        if (auto const value =
-                prim ? HdTypedSampledDataSource<T>::Cast(prim->Get(name)) : nullptr) {
-            return value->GetTypedValue(0.0f);
-        }
-    }
-    return std::nullopt;
+T _Authored(HdRenderIndex const& index, SdfPath const& id, TfToken const& name, T const& fallback) {
+    auto const of = [&](TfToken const& schema, T const& fallback) {
+        return HdTrapezeSchema(index, id, HdDataSourceLocator(schema)).Get(name, fallback);
+    };
+    return of(_tokens->usdRenderSettings, of(_tokens->usdRenderProduct, fallback));
 }
 
 } // namespace
@@ -43,7 +36,6 @@ std::optional<T> _Authored(HdRenderIndex const& index, SdfPath const& id, TfToke
 void HdTrapezeRenderSettings::_Sync(HdSceneDelegate* delegate, HdRenderParam* renderParam,
                                     HdDirtyBits const*) {
     auto& param = *static_cast<HdTrapezeRenderParam*>(renderParam);
-    param.renderSettings.Add(GetId(), this);
     using Owner = HdTrapezeSettingsLayer::Owner;
     _layer = HdTrapezeReadNamespaced(Owner::Settings, GetNamespacedSettings(), GetId(), param);
     RenderProducts const& products = GetRenderProducts();
@@ -81,9 +73,7 @@ void HdTrapezeRenderSettings::_Sync(HdSceneDelegate* delegate, HdRenderParam* re
 }
 
 void HdTrapezeRenderSettings::Finalize(HdRenderParam* renderParam) {
-    auto& param = *static_cast<HdTrapezeRenderParam*>(renderParam);
-    param.SetShutterOf(this, GfInterval());
-    param.renderSettings.Remove(GetId());
+    static_cast<HdTrapezeRenderParam*>(renderParam)->SetShutterOf(this, GfInterval());
 }
 
 void HdTrapezeRenderSettings::DisableEffects(trz_settings* settings) const {
@@ -120,51 +110,31 @@ HdTrapezeSettingsLayer HdTrapezeReadNamespaced(HdTrapezeSettingsLayer::Owner own
     return layer;
 }
 
-double HdTrapezeCurrentFrame(HdRenderIndex const& index) {
-#if HD_API_VERSION >= 71
-    if (HdSceneIndexBaseRefPtr const scene = index.GetTerminalSceneIndex()) {
-        if (auto const source = HdSceneGlobalsSchema::GetFromSceneIndex(scene).GetCurrentFrame()) {
-            return source->GetTypedValue(0.0f);
-        }
-    }
-#else
-    (void)index;
-#endif
-    return std::numeric_limits<double>::quiet_NaN();
+double HdTrapezeSceneGlobal(HdRenderIndex const& index, char const* name, double fallback) {
+    return HdTrapezeSchema(index, HdSceneGlobalsSchema::GetDefaultPrimPath(),
+                           HdSceneGlobalsSchema::GetDefaultLocator())
+        .Get(TfToken(name), fallback);
 }
 
 bool HdTrapezeIsInstantaneous(HdRenderIndex const& index, SdfPath const& id) {
-    return _Authored<bool>(index, id, _tokens->instantaneousShutter).value_or(false);
+    return _Authored(index, id, _tokens->instantaneousShutter, false);
 }
 
 void HdTrapezeReadShape(HdRenderIndex const& index, SdfPath const& id, trz_view* view) {
-    if (auto const resolution = _Authored<GfVec2i>(index, id, _tokens->resolution)) {
-        std::copy_n(resolution->data(), 2, view->resolution);
-    }
-    if (auto const window = _Authored<GfVec4f>(index, id, _tokens->dataWindowNDC)) {
-        std::copy_n(window->data(), 4, view->data_window);
-    }
+    GfVec2i const resolution = _Authored(index, id, _tokens->resolution, GfVec2i(0));
+    GfVec4f const window = _Authored(index, id, _tokens->dataWindowNDC, GfVec4f(0.0f));
+    std::copy_n(resolution.data(), 2, view->resolution);
+    std::copy_n(window.data(), 4, view->data_window);
 }
 
-SdfPath HdTrapezeActiveSettings(HdRenderIndex const& index) {
+HdTrapezeRenderSettings const* HdTrapezeActiveSettings(HdRenderIndex const& index) {
     SdfPath path;
     HdSceneIndexBaseRefPtr const scene = index.GetTerminalSceneIndex();
-    return scene && HdUtils::HasActiveRenderSettingsPrim(scene, &path) ? path : SdfPath();
-}
-
-std::optional<double> HdTrapezeStageRate(HdRenderIndex const& index) {
-#if HD_API_VERSION >= 78
-    if (HdSceneIndexBaseRefPtr const scene = index.GetTerminalSceneIndex()) {
-        if (auto const source =
-                HdSceneGlobalsSchema::GetFromSceneIndex(scene).GetTimeCodesPerSecond()) {
-            double const rate = source->GetTypedValue(0.0f);
-            return rate > 0.0 ? std::optional<double>(rate) : std::nullopt;
-        }
+    if (!scene || !HdUtils::HasActiveRenderSettingsPrim(scene, &path)) {
+        return nullptr;
     }
-#else
-    (void)index;
-#endif
-    return std::nullopt;
+    return static_cast<HdTrapezeRenderSettings const*>(
+        index.GetBprim(HdPrimTypeTokens->renderSettings, path));
 }
 
 PXR_NAMESPACE_CLOSE_SCOPE

@@ -6,8 +6,6 @@
 #include "pxr/imaging/hd/renderSettings.h"
 #include "pxr/pxr.h"
 
-#include <optional>
-
 PXR_NAMESPACE_OPEN_SCOPE
 
 class HdRenderIndex;
@@ -42,8 +40,8 @@ HdTrapezeSettingsLayer HdTrapezeReadNamespaced(HdTrapezeSettingsLayer::Owner own
                                                VtDictionary const& settings, SdfPath const& id,
                                                HdTrapezeRenderParam& param);
 
-/// The frame that the host shows; not finite of hosts that do not tell, and at the default time.
-double HdTrapezeCurrentFrame(HdRenderIndex const& index);
+/// A number of the host's scene globals, such as the current frame.
+double HdTrapezeSceneGlobal(HdRenderIndex const& index, char const* name, double fallback);
 
 /// Whether a RenderSettings prim or a RenderProduct has instantaneousShutter, the older name of
 /// disableMotionBlur. Only scene indices tell.
@@ -52,11 +50,8 @@ bool HdTrapezeIsInstantaneous(HdRenderIndex const& index, SdfPath const& id);
 /// Resolution and data window of a RenderSettings prim; as they are where the host does not tell.
 void HdTrapezeReadShape(HdRenderIndex const& index, SdfPath const& id, trz_view* view);
 
-/// Path of the active RenderSettings prim; empty for none.
-SdfPath HdTrapezeActiveSettings(HdRenderIndex const& index);
-
-/// Time codes a second of the stage, where the host tells them.
-std::optional<double> HdTrapezeStageRate(HdRenderIndex const& index);
+/// The active RenderSettings prim; null for none.
+HdTrapezeRenderSettings const* HdTrapezeActiveSettings(HdRenderIndex const& index);
 
 PXR_NAMESPACE_CLOSE_SCOPE
 

@@ -1,92 +1,56 @@
 #ifndef HDTRAPEZE_RPRIM_H
 #define HDTRAPEZE_RPRIM_H
 
-#include "prim.h"
+#include "primvars.h"
+#include "shapes.h"
 
-#include "pxr/imaging/hd/changeTracker.h"
-#include "pxr/imaging/hd/instancer.h"
-#include "pxr/imaging/hd/renderIndex.h"
-#include "pxr/imaging/hd/sceneDelegate.h"
+#include "pxr/base/vt/array.h"
+#include "pxr/imaging/hd/rprim.h"
 #include "pxr/pxr.h"
-
-#include <algorithm>
 
 PXR_NAMESPACE_OPEN_SCOPE
 
-/// A prim that Hydra has no base class for.
-class HdTrapezePlainRprim : public HdRprim {
+/// A geometry prim. What all kinds have in common is here: place, motion, points, primvars,
+/// instancing, visibility; what one kind alone has is its shape's.
+class HdTrapezeRprim final : public HdRprim {
 public:
-    using HdRprim::HdRprim;
-
-    TfTokenVector const& GetBuiltinPrimvarNames() const override {
-        static TfTokenVector const none;
-        return none;
-    }
-};
-
-/// An Rprim over one of Hydra's base classes: what they have in common is HdTrapezePrim's, their
-/// shape is _SyncShape's.
-template <class Base> class HdTrapezeRprim : public Base {
-public:
-    HdTrapezeRprim(SdfPath const& id, HdTrapezePrim::Create create, HdTrapezePrim::Points points)
-        : Base(id), _prim(create, points) {}
-
-    HdDirtyBits GetInitialDirtyBitsMask() const final {
-        return HdChangeTracker::AllSceneDirtyBits | HdChangeTracker::InitRepr;
-    }
+    HdTrapezeRprim(SdfPath const& id, HdTrapezeShape const& shape) : HdRprim(id), _shape(shape) {}
 
     void Sync(HdSceneDelegate* delegate, HdRenderParam* renderParam, HdDirtyBits* dirtyBits,
-              TfToken const&) final {
-        auto& param = *static_cast<HdTrapezeRenderParam*>(renderParam);
-        HdDirtyBits bits = *dirtyBits;
-        this->_UpdateVisibility(delegate, dirtyBits);
-        this->_UpdateInstancer(delegate, dirtyBits);
-        HdRenderIndex& index = delegate->GetRenderIndex();
-        if (index.GetInstancer(this->GetInstancerId())) {
-            HdInstancer::_SyncInstancerAndParents(index, this->GetInstancerId());
-        }
-        _SyncIndices(&_prim, delegate, &bits);
-        bool const created = _prim.Id() == 0;
-        if (_prim.Sync(*this, delegate, param, bits)) {
-            _SyncShape(_prim, delegate, param,
-                       created ? HdDirtyBits(HdChangeTracker::AllDirty) : bits);
-        }
-        *dirtyBits &= ~HdChangeTracker::AllSceneDirtyBits;
-    }
+              TfToken const&) override;
+    void UpdateRenderTag(HdSceneDelegate* delegate, HdRenderParam* renderParam) override;
+    void Finalize(HdRenderParam* renderParam) override;
+    HdDirtyBits GetInitialDirtyBitsMask() const override;
+    TfTokenVector const& GetBuiltinPrimvarNames() const override;
 
-    // Apart from Sync: prims whose tag is not asked for, or no longer, are not synced.
-    void UpdateRenderTag(HdSceneDelegate* delegate, HdRenderParam* renderParam) final {
-        Base::UpdateRenderTag(delegate, renderParam);
-        _prim.SetRenderTag(this->GetRenderTag());
-        static_cast<HdTrapezeRenderParam*>(renderParam)->MarkVisibilityDirty();
-    }
+    /// Shows the prim where it is visible and `included`, by render tags and the collection.
+    void Include(bool included, HdTrapezeRenderParam& param);
 
-    void Finalize(HdRenderParam* renderParam) final {
-        _prim.Finalize(*this, *static_cast<HdTrapezeRenderParam*>(renderParam));
-        Base::Finalize(renderParam);
-    }
+    /// Hydra's refine level.
+    int RefineLevel() const { return _refineLevel; }
 
 protected:
-    /// Tells the prim which points its vertices are, before these are pulled. Where that changes,
-    /// they are dirty.
-    virtual void _SyncIndices(HdTrapezePrim*, HdSceneDelegate*, HdDirtyBits*) {}
-
-    /// Pulls what this kind of prim alone has, where it is dirty.
-    virtual void _SyncShape(HdTrapezePrim const&, HdSceneDelegate*, HdTrapezeRenderParam&,
-                            HdDirtyBits) {}
-
-    HdDirtyBits _PropagateDirtyBits(HdDirtyBits bits) const final { return bits; }
-
-    // Every way of drawing a prim is the same here.
-    void _InitRepr(TfToken const& name, HdDirtyBits*) final {
-        auto const has = [&](auto const& repr) { return repr.first == name; };
-        if (std::none_of(this->_reprs.begin(), this->_reprs.end(), has)) {
-            this->_reprs.emplace_back(name, HdReprSharedPtr());
-        }
-    }
+    HdDirtyBits _PropagateDirtyBits(HdDirtyBits bits) const override { return bits; }
+    void _InitRepr(TfToken const& name, HdDirtyBits*) override;
 
 private:
-    HdTrapezePrim _prim;
+    void _SyncTransform(HdTrapezeSyncing const& prim);
+    bool _SyncIndices(HdTrapezeSyncing const& prim);
+    void _SyncPoints(HdTrapezeSyncing const& prim);
+    void _SyncInstancer(HdTrapezeSyncing const& prim);
+
+    HdTrapezeShape const& _shape;
+    // 0 before the first Sync, and where the session refused it.
+    trz_id _id = 0;
+    SdfPath _instancer;
+    // Of each vertex, which of the points it is; none where points are in the vertices' order.
+    VtIntArray _indices;
+    HdTrapezePrimvars _primvars;
+    int _refineLevel = 0;
+    HdTrapezeMotion _motion;
+    // Its instancer is not there.
+    bool _lost = false;
+    bool _shown = true;
 };
 
 PXR_NAMESPACE_CLOSE_SCOPE

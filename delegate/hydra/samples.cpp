@@ -50,26 +50,6 @@ void _AddHeldTimes(HdSceneDelegate* delegate, SdfPath const& computation, GfInte
     }
 }
 
-// Hosts give transforms where something is authored and at the shutter's ends. Where one turns,
-// more samples follow it, or else the renderer turns it. The frame's own may still lie off the line
-// between two of them: it is a sample, too, since a still image shows it.
-template <unsigned int Capacity, class F>
-HdTrapezeTransform _Turning(HdSceneDelegate* delegate, SdfPath const& id, GfInterval const& shutter,
-                            HdTimeSampleArray<GfMatrix4d, Capacity> const& given, F&& plain) {
-    HdTrapezeTransform samples{HdTrapezeSorted(given, plain)};
-    samples.turns = !HdTrapezeAddArcs(delegate, id, shutter, &samples) && samples.times.size() > 1;
-    if (size_t const slot = HdTrapezeFrameSlot(samples.times)) {
-        GfMatrix4d const now = plain();
-        if (HdTrapezeIsSame(HdTrapezeAt(samples, 0.0, now), now)) {
-            samples.turns = false; // USD takes authored matrices along lines
-        } else {
-            samples.times.insert(samples.times.begin() + slot, 0.0);
-            samples.values.insert(samples.values.begin() + slot, now);
-        }
-    }
-    return samples;
-}
-
 } // namespace
 
 size_t HdTrapezeFrameSlot(std::vector<double> const& times) {
@@ -90,22 +70,31 @@ bool HdTrapezeIsSame(GfMatrix4d const& a, GfMatrix4d const& b) {
     return error[0] <= 1e-6 * size[0] && error[1] <= 1e-6 * size[1];
 }
 
+// Hosts give transforms where something is authored and at the shutter's ends. Where one turns,
+// more samples follow it, or else the renderer turns it. The frame's own may still lie off the line
+// between two of them: it is a sample, too, since a still image shows it.
 HdTrapezeTransform HdTrapezeSampleTransform(HdSceneDelegate* delegate, SdfPath const& id,
-                                            GfInterval const& shutter) {
-    HdTimeSampleArray<GfMatrix4d, _capacity> samples;
-    _Within<(HD_API_VERSION >= 68)>(
-        shutter, [&](auto... interval) { delegate->SampleTransform(id, interval..., &samples); });
-    return _Turning(delegate, id, shutter, samples, [&] { return delegate->GetTransform(id); });
-}
-
-HdTrapezeTransform HdTrapezeSampleInstancerTransform(HdSceneDelegate* delegate, SdfPath const& id,
-                                                     GfInterval const& shutter) {
-    HdTimeSampleArray<GfMatrix4d, _capacity> samples;
+                                            GfInterval const& shutter, bool isInstancer) {
+    HdTimeSampleArray<GfMatrix4d, _capacity> given;
     _Within<(HD_API_VERSION >= 68)>(shutter, [&](auto... interval) {
-        delegate->SampleInstancerTransform(id, interval..., &samples);
+        isInstancer ? delegate->SampleInstancerTransform(id, interval..., &given)
+                    : delegate->SampleTransform(id, interval..., &given);
     });
-    return _Turning(delegate, id, shutter, samples,
-                    [&] { return delegate->GetInstancerTransform(id); });
+    auto const plain = [&] {
+        return isInstancer ? delegate->GetInstancerTransform(id) : delegate->GetTransform(id);
+    };
+    HdTrapezeTransform samples{HdTrapezeSorted(given, plain)};
+    samples.turns = !HdTrapezeAddArcs(delegate, id, shutter, &samples) && samples.times.size() > 1;
+    if (size_t const slot = HdTrapezeFrameSlot(samples.times)) {
+        GfMatrix4d const now = plain();
+        if (HdTrapezeIsSame(HdTrapezeAt(samples, 0.0, now), now)) {
+            samples.turns = false; // USD takes authored matrices along lines
+        } else {
+            samples.times.insert(samples.times.begin() + slot, 0.0);
+            samples.values.insert(samples.values.begin() + slot, now);
+        }
+    }
+    return samples;
 }
 
 HdTrapezeSamples<VtValue> HdTrapezeSamplePrimvar(HdSceneDelegate* delegate, SdfPath const& id,

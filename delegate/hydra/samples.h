@@ -13,6 +13,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <set>
 #include <vector>
 
 PXR_NAMESPACE_OPEN_SCOPE
@@ -68,6 +69,30 @@ T HdTrapezeAt(HdTrapezeSamples<T> const& samples, double time, T const& fallback
     return before + part * (samples.values[after] - before);
 }
 
+/// Those samples that are a T, or can become one.
+template <class T> HdTrapezeSamples<T> HdTrapezeCast(HdTrapezeSamples<VtValue> const& samples) {
+    HdTrapezeSamples<T> cast;
+    for (size_t i = 0; i < samples.values.size(); ++i) {
+        VtValue const value = VtValue::Cast<T>(samples.values[i]);
+        if (value.IsHolding<T>()) {
+            cast.times.push_back(samples.times[i]);
+            cast.values.push_back(value.UncheckedGet<T>());
+        }
+    }
+    return cast;
+}
+
+/// The times of all that change, ascending.
+template <class T> std::vector<double> HdTrapezeTimes(std::vector<T> const& tracks) {
+    std::set<double> times;
+    for (T const& track : tracks) {
+        if (track.times.size() > 1) {
+            times.insert(track.times.begin(), track.times.end());
+        }
+    }
+    return {times.begin(), times.end()};
+}
+
 /// Where a sample at the frame belongs among those around it; 0 where there is one, or nothing to
 /// lie between.
 size_t HdTrapezeFrameSlot(std::vector<double> const& times);
@@ -76,13 +101,10 @@ size_t HdTrapezeFrameSlot(std::vector<double> const& times);
 /// the linear part, and of the translation.
 bool HdTrapezeIsSame(GfMatrix4d const& a, GfMatrix4d const& b);
 
-/// The transform of a prim, to the space of its instancer's prototype or to the world.
+/// The transform of a prim or of an instancer, to the space of the prototype that it is part of or
+/// to the world.
 HdTrapezeTransform HdTrapezeSampleTransform(HdSceneDelegate* delegate, SdfPath const& id,
-                                            GfInterval const& shutter);
-
-/// The transform of an instancer, to the space of its parent's prototype or to the world.
-HdTrapezeTransform HdTrapezeSampleInstancerTransform(HdSceneDelegate* delegate, SdfPath const& id,
-                                                     GfInterval const& shutter);
+                                            GfInterval const& shutter, bool isInstancer = false);
 
 /// A primvar or an attribute that Hydra treats as one; no samples where there is no value.
 HdTrapezeSamples<VtValue> HdTrapezeSamplePrimvar(HdSceneDelegate* delegate, SdfPath const& id,

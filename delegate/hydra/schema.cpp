@@ -12,8 +12,14 @@ HdContainerDataSourceHandle HdTrapezeFindSource(HdRenderIndex const& index, SdfP
 
 HdTrapezeSchema::HdTrapezeSchema(HdSceneDelegate* delegate, SdfPath const& id,
                                  HdDataSourceLocator const& where)
-    : _delegate(delegate), _id(id) {
-    if (auto const prim = HdTrapezeFindSource(delegate->GetRenderIndex(), id)) {
+    : HdTrapezeSchema(delegate->GetRenderIndex(), id, where) {
+    _delegate = delegate;
+}
+
+HdTrapezeSchema::HdTrapezeSchema(HdRenderIndex const& index, SdfPath const& id,
+                                 HdDataSourceLocator const& where)
+    : _id(id) {
+    if (auto const prim = HdTrapezeFindSource(index, id)) {
         _fields = HdContainerDataSource::Cast(HdContainerDataSource::Get(prim, where));
     }
 }
@@ -26,7 +32,7 @@ VtValue HdTrapezeSchema::Get(TfToken const& field) const {
     if (HdSampledDataSourceHandle const source = _Find(field)) {
         return source->GetValue(0.0f);
     }
-    return _fields ? VtValue() : _delegate->Get(_id, field);
+    return _fields || !_delegate ? VtValue() : _delegate->Get(_id, field);
 }
 
 HdTrapezeSamples<double> HdTrapezeSchema::Sample(TfToken const& field,
@@ -38,15 +44,12 @@ HdTrapezeSamples<double> HdTrapezeSchema::Sample(TfToken const& field,
             static_cast<float>(shutter.GetMin()), static_cast<float>(shutter.GetMax()), &times)) {
         times = {0.0f};
     }
-    HdTrapezeSamples<double> samples;
+    HdTrapezeSamples<VtValue> samples;
     for (HdSampledDataSource::Time time : times) {
-        VtValue const value = VtValue::Cast<double>(source ? source->GetValue(time) : Get(field));
-        if (value.IsHolding<double>()) {
-            samples.times.push_back(time);
-            samples.values.push_back(value.UncheckedGet<double>());
-        }
+        samples.times.push_back(time);
+        samples.values.push_back(source ? source->GetValue(time) : Get(field));
     }
-    return samples;
+    return HdTrapezeCast<double>(samples);
 }
 
 PXR_NAMESPACE_CLOSE_SCOPE

@@ -18,6 +18,10 @@ class HdTrapezeSchema final {
 public:
     HdTrapezeSchema(HdSceneDelegate* delegate, SdfPath const& id, HdDataSourceLocator const& where);
 
+    /// The same of scene indices alone.
+    HdTrapezeSchema(HdRenderIndex const& index, SdfPath const& id,
+                    HdDataSourceLocator const& where);
+
     /// A field's value at the frame; empty where there is none.
     VtValue Get(TfToken const& field) const;
 
@@ -33,7 +37,7 @@ public:
 private:
     HdSampledDataSourceHandle _Find(TfToken const& field) const;
 
-    HdSceneDelegate* _delegate;
+    HdSceneDelegate* _delegate = nullptr;
     SdfPath _id;
     HdContainerDataSourceHandle _fields;
 };

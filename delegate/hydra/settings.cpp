@@ -1,5 +1,7 @@
 #include "settings.h"
 
+#include "numbers.h"
+
 #include "pxr/base/gf/half.h"
 #include "pxr/base/gf/vec2d.h"
 #include "pxr/base/tf/stringUtils.h"
@@ -38,8 +40,7 @@ VtValue _FromLibrary(trz_value const& value) {
 std::vector<_Setting> const& _Settings() {
     static std::vector<_Setting> const settings = [] {
         std::vector<_Setting> all;
-        trz_setting one = {};
-        one.struct_size = sizeof(one);
+        auto one = HdTrapezeStruct<trz_setting>();
         for (size_t i = 0; trz_setting_describe(i, &one) == TRZ_OK; ++i) {
             all.push_back({TfToken(one.name), one.label ? one.label : "",
                            _FromLibrary(one.fallback), one.of_prims != 0});
@@ -132,8 +133,7 @@ GfInterval HdTrapezeSettingsLayer::Shutter() const {
 }
 
 trz_settings HdTrapezeDefaultSettings() {
-    trz_settings settings = {};
-    settings.struct_size = sizeof(settings);
+    auto settings = HdTrapezeStruct<trz_settings>();
     trz_settings_default(&settings);
     settings.shutter_open = -0.25;
     settings.shutter_close = 0.25;

@@ -228,4 +228,4 @@ def test_materials_are_no_edits(host):
     )
     assert "Warning" not in ran.log
     # OpenUSD's scene delegate has the prim synced again all the same.
-    assert ran.told == {"edits": 0 if host.scene_index else 2, "diced": 6}
+    assert ran.told == {"edits": 0 if host.scene_index else 1, "diced": 6}
