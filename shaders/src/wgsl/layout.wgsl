@@ -1,4 +1,4 @@
-// Structs that CPU and GPU share, byte for byte. Rust mirrors: src/layout.rs; a test there compares
+// Structs that CPU and GPU share, byte for byte. Rust mirrors: src/layout; a test there compares
 // size and offset of every member with what naga reads here.
 
 // One micropolygon grid of a diced mesh.
