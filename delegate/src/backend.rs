@@ -15,6 +15,15 @@ static STAGES: Mutex<Option<Arc<Stages>>> = Mutex::new(None);
 /// Names the first stage that a GPU runs, where those before it are to run on the CPU: to narrow a difference down to a stage.
 const FIRST_ON_GPU: &str = "HDTRAPEZE_FIRST_ON_GPU";
 
+/// What renders where no GPU does, for people.
+pub fn cpu(asked: Backend) -> String {
+    let why = match asked {
+        Backend::Auto => " (auto: no GPU has been timed yet)",
+        Backend::Cpu | Backend::Gpu => "",
+    };
+    format!("cpu{why}")
+}
+
 /// How scenes are taken to a GPU, as the environment has it.
 ///
 /// # Errors

@@ -339,7 +339,8 @@ impl Session {
     pub fn explain(&self) -> Result<String, Error> {
         self.shared.check()?;
         let Committed { prepared, gpu, .. } = self.committed()?;
-        let backend = gpu.map_or_else(|| "cpu".to_owned(), |gpu| gpu.explain());
+        let cpu = || backend::cpu(prepared.settings().backend);
+        let backend = gpu.map_or_else(cpu, |gpu| gpu.explain());
         self.shared.guard(|| prepared.explain(&backend))
     }
 

@@ -492,6 +492,23 @@ fn changing_lenses_are_refused(device: &Arc<Device>) -> Result<(), Failed> {
     }
 }
 
+/// A text that the driver rejects is an error in its words, and the device goes on.
+fn rejected_stages_are_errors(device: &Arc<Device>) -> Result<(), Failed> {
+    let source = "@compute @workgroup_size(64) fn broken() { let x: u32 = 1.0; }";
+    match Kernel::new(device, "broken", source, &[]) {
+        Err(GpuError::Failed { why, .. }) if why.contains("broken") => {}
+        other => return Err(format!("{other:?}").into()),
+    }
+    device.check()?;
+    let there = device.upload("numbers", &7u64.to_le_bytes())?;
+    let mut back = [0u64];
+    device.fetch(&there, &mut back)?;
+    match back {
+        [7] => Ok(()),
+        _ => Err(format!("{back:?}").into()),
+    }
+}
+
 fn main() {
     let mut trials: Vec<(String, Check)> = vec![
         (
@@ -502,6 +519,10 @@ fn main() {
         (
             "changing_lens".to_owned(),
             Box::new(changing_lenses_are_refused),
+        ),
+        (
+            "rejected_stages".to_owned(),
+            Box::new(rejected_stages_are_errors),
         ),
     ];
     for (name, case) in cases() {

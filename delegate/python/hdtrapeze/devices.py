@@ -68,7 +68,7 @@ def print_devices() -> None:
         print(f"   timestamps {_yes(device.timestamps)}, subgroups {_yes(device.subgroups)}")
     if not found:
         print("No GPU is found: there is no Vulkan, Metal or DX12 driver with a device.")
-    print("--backend auto: the CPU, since no GPU has been measured yet")
+    print("--backend auto: the CPU, since no GPU has been timed yet")
     print("--backend cpu: the CPU")
     chosen = next((device for device in found if device.chosen), None)
     if chosen is None:
