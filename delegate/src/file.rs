@@ -1,6 +1,6 @@
 //! Image files of a render: AOVs to layers, what was rendered to metadata.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use hdtrapeze_core::aov::{Aov, AovData, AovImage, PrimvarAov, primvar_of};
 use hdtrapeze_core::diagnostics::Warning;
@@ -35,6 +35,17 @@ pub struct ImageOptions {
     pub vars: Vec<RenderVar>,
     /// Names and values that are added to the session's own, or take their place.
     pub metadata: Vec<(String, String)>,
+    /// What an interrupted render had: goes beside the place of the whole file, and says so.
+    pub partial: bool,
+}
+
+/// Where what an interrupted render had is kept: name.partial.exr beside name.exr, which stays.
+pub(crate) fn partial(path: &Path) -> PathBuf {
+    let [stem, suffix] = [path.file_stem(), path.extension()].map(Option::unwrap_or_default);
+    let mut name = stem.to_owned();
+    name.push(".partial.");
+    name.push(suffix);
+    path.with_file_name(name)
 }
 
 /// AOVs that `options` asks for, of those that were rendered.
@@ -245,7 +256,15 @@ mod tests {
             aovs: aovs.iter().map(|name| (*name).to_owned()).collect(),
             vars: Vec::new(),
             metadata: Vec::new(),
+            partial: false,
         }
+    }
+
+    #[test]
+    fn partial_files_are_beside_the_whole_ones() {
+        let beside = |path: &str| partial(path.as_ref()).display().to_string();
+        assert_eq!(beside("a/b.0001.exr"), "a/b.0001.partial.exr");
+        assert_eq!(beside("shot.png"), "shot.partial.png");
     }
 
     #[test]

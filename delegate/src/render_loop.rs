@@ -286,6 +286,9 @@ impl Inner {
             if self.lock().is_given_up(mine) {
                 // Fails where the session does, which the next call of the host tells.
                 let _ = self.session.cancel();
+                if self.lock().quit {
+                    self.keep(job);
+                }
                 return false;
             }
             let progress = self.session.progress();
@@ -312,10 +315,31 @@ impl Inner {
         Ok(())
     }
 
+    /// Keeps what a render had that the end of the host interrupts, beside the places of its files.
+    fn keep(&self, job: &Job) {
+        // Nothing is kept of a session that has failed.
+        let _ = self.session.wait(None);
+        let progress = self.session.progress();
+        if !progress.is_ok_and(|progress| progress.samples_done > 0) {
+            return;
+        }
+        for file in &job.files {
+            let image = ImageOptions {
+                partial: true,
+                ..file.image.clone()
+            };
+            self.write_as(file, &image, None);
+        }
+    }
+
     fn write(&self, file: &Output, failure: Option<&str>) {
+        self.write_as(file, &file.image, failure);
+    }
+
+    fn write_as(&self, file: &Output, image: &ImageOptions, failure: Option<&str>) {
         let why = match failure {
             Some(failure) => failure.to_owned(),
-            None => match self.session.write_image(&file.path, &file.image) {
+            None => match self.session.write_image(&file.path, image) {
                 Ok(()) => return,
                 Err(error) => error.to_string(),
             },

@@ -35,6 +35,7 @@ use crate::error::{Error, try_map};
 use crate::file::{self, ImageOptions};
 use crate::image::Image;
 use crate::log::{LogFn, in_log_callback};
+use crate::plan::PlannedFiles;
 use crate::pool::Pool;
 use crate::primvar::{self, AuthoredPrimvar};
 use crate::product::RenderVar;
@@ -52,6 +53,7 @@ pub struct Session {
     edits: Mutex<EditQueue>,
     ahead: Mutex<Option<Ahead>>,
     work: Mutex<Work>,
+    pub(crate) planned: Mutex<PlannedFiles>,
 }
 
 /// What belongs to whoever commits.
@@ -78,6 +80,7 @@ impl Session {
             edits: Mutex::default(),
             ahead: Mutex::default(),
             work: Mutex::default(),
+            planned: Mutex::default(),
         }
     }
 
@@ -413,7 +416,15 @@ impl Session {
             for (name, value) in &options.metadata {
                 file::set_fact(&mut image.metadata, name, value.clone());
             }
-            file::write(path, &image, options)?;
+            let beside = options.partial.then(|| file::partial(path));
+            if options.partial {
+                file::set_fact(
+                    &mut image.metadata,
+                    "hdtrapeze/complete",
+                    "false".to_owned(),
+                );
+            }
+            file::write(beside.as_deref().unwrap_or(path), &image, options)?;
             Ok::<_, Error>(warnings)
         })?;
         self.warn(&written?);

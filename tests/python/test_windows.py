@@ -79,7 +79,7 @@ def test_overscan_as_a_fraction():
 @pytest.mark.parametrize(
     ("window", "pixels"),
     [
-        ((0.0, 0.0, 1.0, 1.0), (0, 0, 40, 40)),
+        ((0.0, 0.0, 1.0, 1.0), (0, 0, 0, 0)),  # the image
         ((-0.1, -0.2, 1.05, 1.3), (-4, -12, 42, 48)),
         ((0.25, 0.5, 0.75, 1.0), (10, 0, 30, 20)),
         # A pixel is inside where its centre is.

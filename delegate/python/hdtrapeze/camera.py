@@ -187,6 +187,15 @@ def aspect_of(lens: dict[str, float]) -> float:
     return aspect if 1e-4 < aspect < 1e6 else 1.0
 
 
+def camera_aspect(camera: UsdGeom.Camera | None, frame: float | None, log: SceneLog) -> float:
+    """Width over height of a camera's film back at a frame; without one, of that which frames the
+    bounds."""
+    if camera is None:
+        return DEFAULT_ASPECT
+    time = Usd.TimeCode.Default() if frame is None else Usd.TimeCode(frame)
+    return aspect_of(read_lens(camera, time, time, log))
+
+
 def _clipping(camera: UsdGeom.Camera, time: Usd.TimeCode, log: SceneLog) -> tuple[float, float]:
     near, far = map(float, get_or_fallback(camera.GetClippingRangeAttr(), time, log))
     if near < 0.0:

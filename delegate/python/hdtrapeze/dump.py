@@ -9,12 +9,11 @@ import sys
 import tempfile
 from pathlib import Path
 
-from .errors import OutputError
-from .frames import expand_frame, parse_frames
+from .errors import OutputError, SceneError
+from .frames import parse_frames
 from .log import SceneLog
 from .options import Options
-from .outputs import Output
-from .plan import Render, plan_renders
+from .plan import FramePlan, Planner
 from .render import Renderer
 from .request import Request, check_flags, make_request
 from .session import Session
@@ -35,15 +34,18 @@ def dump(args) -> None:
         frames = [None if args.defaultTime else stage.GetStartTimeCode()]
     texts = []
     with Renderer(request.options, log, request.render_pass) as renderer:
-        renders = plan_renders(
-            request, None, None, not args.no_products, renderer.session, Unwritten(), log
-        )
+        planner = Planner(request, not args.no_products, Unwritten(), log)
         asked = _request(request)
         for frame in frames:
+            plan = planner.plan(renderer, frame)
+            own = plan.own
+            if own is None:
+                raise SceneError("The image cannot be rendered as asked.")
+            renderer.options = own.options
             renderer.load(stage, frame, request.camera)
             diagnostics.report()
             name = "default time" if frame is None else f"frame {frame:.10g}"
-            written = _products(renders, frame, renderer.session)
+            written = _products(plan, renderer.session)
             texts.append(f"{name}\n{renderer.session.dump()}\n{asked}{written}")
     _write("\n".join(texts), args.output)
 
@@ -59,48 +61,30 @@ def _request(request: Request) -> str:
     return "".join(f"{line}\n" for line in lines)
 
 
-def _products(renders: list[Render], frame: float | None, session: Session) -> str:
+def _products(plan: FramePlan, session: Session) -> str:
     """Render products that a command would write: files, cameras, images, effects and vars."""
-    lines = []
-    entries = [(r, output) for r in renders for output in r.outputs if output.product]
-    writers: dict[str, str] = {}
-    for _, output in entries:
-        writers.setdefault(_place(output, frame), output.owner)
-    for render, output in sorted(entries, key=lambda entry: entry[1].owner):
+    told = {
+        owner: [f"product {owner}", f"  file none: {why}"] for owner, why in plan.refused.items()
+    }
+    entries = [(r, output) for r in plan.renders for output in r.outputs if output.owner]
+    for render, output in entries:
         options = render.options
-        height = "by the camera" if options.height is None else options.height
-        lines += [
+        lines = [
             f"product {output.owner}",
-            f"  file {_file(output, frame, writers)}",
+            f"  file {output.path}",
             f"  camera {render.camera.GetPath() if render.camera else 'framing the bounds'}",
-            f"  resolution {options.width} {height}, samples {options.samples}",
+            f"  resolution {options.width} {options.height}, samples {options.samples}",
             f"  window policy {options.window_policy}, pixel aspect {options.pixel_aspect:.6g}",
             f"  data window {_window(options)}",
             f"  motion blur {_switch(options.motion_blur)}, defocus {_switch(options.defocus)}",
         ]
         found = [f"{var.path}: {session.render_var_aov(var)}" for var in output.vars]
-        lines += [f"  var {text}" for text in found or output.options.aovs]
-    return "".join(f"{line}\n" for line in lines)
-
-
-def _place(output: Output, frame: float | None) -> str:
-    """What two names of one file share."""
-    return os.path.realpath(expand_frame(output.product.name_at(frame), frame))
-
-
-def _file(output: Output, frame: float | None, writers: dict[str, str]) -> str:
-    """The product's file; none where it has no name, or the first of `writers` has it."""
-    path = expand_frame(output.product.name_at(frame), frame)
-    writer = writers[_place(output, frame)]
-    if path and writer != output.owner:
-        return f"none: {path} is written by {writer}"
-    return path or "none"
+        told[output.owner] = lines + [f"  var {text}" for text in found or output.options.aovs]
+    return "".join(f"{line}\n" for owner in sorted(told) for line in told[owner])
 
 
 def _window(options: Options) -> str:
-    """In pixels, x0 y0 x1 y1; as authored where the camera gives the height."""
-    if options.height is None:
-        return "whole" if options.data_window_ndc is None else str(options.data_window_ndc)
+    """In pixels, x0 y0 x1 y1."""
     window = options.data_window(options.width, options.height)
     return " ".join(map(str, window)) if any(window) else "whole"
 

@@ -95,6 +95,15 @@ def assign(to, setting: Setting, given) -> None:
     del text  # until here, the value points to it
 
 
+def settings_struct(named: dict):
+    """A trz_settings with the settings that are `named`, else the renderer's defaults."""
+    value = native.new("trz_settings")
+    native.check(native.lib().trz_settings_default(value))
+    for name, given in named.items():
+        assign(value, settings()[name], given)
+    return value
+
+
 def _kinds() -> dict[int, type]:
     constants = native.constants()
     return {

@@ -1,12 +1,13 @@
 """What a render is asked for, whoever asks: the command line, a script, a test."""
 
-import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from .errors import SceneError, UsageError
+from . import native
+from .errors import NativeError, SceneError, UsageError
 from .named import settings
+from .planned import Planned
 
 WINDOW_POLICIES = {
     "matchHorizontally": "MATCH_HORIZONTALLY",
@@ -69,6 +70,8 @@ class Options:
     data_window_ndc: tuple[float, float, float, float] | None = None
     """UsdRender's dataWindowNDC: xmin, ymin, xmax, ymax, y up, 0 to 1 is the image. A pixel whose
     centre is inside is rendered. Crop and overscan take its place."""
+    planned_window: tuple[int, int, int, int] | None = None
+    """The same as `data_window` gives it: of an image that the library planned."""
     backend: str = _own("backend")
     camera: str | None = None
     purposes: list[str] = field(default_factory=lambda: ["proxy"])
@@ -138,12 +141,16 @@ class Options:
         most = 1 << 15 if isinstance(self.overscan, int) else 2.0
         require(0 <= self.overscan <= most, f"The overscan must be from 0 to {most:g}.")
         if self.data_window_ndc is not None:
-            x0, y0, x1, y1 = self.data_window_ndc
-            require(x0 < x1 and y0 < y1, "The data window must have xmin < xmax and ymin < ymax.")
-            require(
-                max(map(abs, self.data_window_ndc)) <= 100,
-                "The data window reaches absurdly far out of the image.",
-            )
+            try:
+                self._pixels_of_ndc(self.width, self.height or self.width)
+            except NativeError as error:
+                cannot_be = error.code == native.constants().TRZ_ERROR_INVALID_ARGUMENT
+                require(not cannot_be, _sentence(error))
+
+    @property
+    def is_windowed(self) -> bool:
+        """Whether a crop or overscan takes the place of data windows."""
+        return self.crop is not None or bool(self.overscan)
 
     def named(self) -> dict:
         """Values of the renderer's settings by name, but for those without one."""
@@ -153,6 +160,38 @@ class Options:
             "disableDepthOfField": not self.defocus,
         }
         return {name: value for name, value in values.items() if value is not None}
+
+    def image(self, aspect: float) -> dict:
+        """The other fields of trz_settings, for a camera of this aspect."""
+        width, height = self.resolution(aspect)
+        policy = WINDOW_POLICIES[self.window_policy]
+        return {
+            "width": width,
+            "height": height,
+            "data_window": self.data_window(width, height),
+            "pixel_aspect": self.shape_of_pixels(aspect, width, height),
+            "window_policy": getattr(native.constants(), f"TRZ_WINDOW_{policy}"),
+            "time_window": self.time_window,
+            "fix_lens": self.lens_point is not None,
+            "lens_point": self.lens_point or (0.0, 0.0),
+            "occlusion_culling": self.occlusion_culling,
+        }
+
+    def planned(self, planned: Planned) -> "Options":
+        """These options with the shape and the AOVs of an image that the library planned."""
+        constants = native.constants()
+        policies = {
+            getattr(constants, f"TRZ_WINDOW_{word}"): name for name, word in WINDOW_POLICIES.items()
+        }
+        return replace(
+            self,
+            width=planned.width,
+            height=planned.height,
+            planned_window=planned.data_window,
+            pixel_aspect=planned.pixel_aspect,
+            window_policy=policies[planned.window_policy],
+            aovs=planned.aovs,
+        )
 
     def resolution(self, aspect: float) -> tuple[int, int]:
         """Width and height for a camera of this aspect."""
@@ -178,27 +217,26 @@ class Options:
             if isinstance(x, float):
                 x, y = round(x * width), round(y * height)
             window = -x, -y, width + x, height + y
+        elif self.planned_window is not None:
+            return self.planned_window
         elif self.data_window_ndc is not None:
-            left, bottom, right, top = self.data_window_ndc
-            # Pixel i has its centre at i + 1/2. A centre on the left or the bottom edge is inside,
-            # one on the right or the top edge is not.
-            window = (
-                math.ceil(left * width - 0.5),
-                height - math.ceil(top * height - 0.5),
-                math.ceil(right * width - 0.5),
-                height - math.ceil(bottom * height - 0.5),
-            )
+            try:
+                return self._pixels_of_ndc(width, height)
+            except NativeError as error:
+                raise SceneError(_sentence(error)) from None
         else:
             return 0, 0, 0, 0
         x0, y0, x1, y1 = window
-        # A data window is the scene's, the others are the command's.
-        fault = UsageError if self.crop is not None or self.overscan else SceneError
         if x0 >= x1 or y0 >= y1:
-            kind = "crop" if self.crop is not None else "data window"
-            raise fault(f"The {kind} holds no pixel of an image of {width} x {height}.")
+            raise UsageError(f"The crop holds no pixel of an image of {width} x {height}.")
         if max(x1, width) - min(x0, 0) > 1 << 16 or max(y1, height) - min(y0, 0) > 1 << 16:
-            raise fault("The image and its overscan span more than 65536 pixels.")
+            raise UsageError("The image and its overscan span more than 65536 pixels.")
         return window
+
+    def _pixels_of_ndc(self, width: int, height: int) -> tuple[int, int, int, int]:
+        ndc, out = native.ffi.new("float[4]", self.data_window_ndc), native.ffi.new("int32_t[4]")
+        native.check(native.lib().trz_data_window(ndc, width, height, out))
+        return tuple(out)
 
     def _crop_pixels(self, width: int, height: int) -> tuple[int, int, int, int]:
         x0, y0, x1, y1 = self.crop
@@ -206,6 +244,11 @@ class Options:
             x0, x1 = round(x0 * width), round(x1 * width)
             y0, y1 = round(y0 * height), round(y1 * height)
         return x0, y0, min(x1, width), min(y1, height)
+
+
+def _sentence(error: Exception) -> str:
+    text = str(error)
+    return f"{text[:1].upper()}{text[1:]}."
 
 
 def _shown(value) -> str:

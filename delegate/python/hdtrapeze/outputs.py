@@ -1,7 +1,7 @@
 """The files of a render: where they are, and what is in them.
 
-A file is either the one that the command names, or a render product. Product names are relative
-to the working folder, as other delegates take them, and may hold the frame (see frames).
+A file is either the one that the command names, or a render product's, whose place the library
+plans.
 """
 
 import json
@@ -10,11 +10,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from .errors import NativeError, OutputError, UsageError
-from .frames import OutputPath, expand_frame
-from .log import SceneLog
+from .frames import OutputPath
 from .native import version
 from .options import Options
-from .products import Product, RenderVar
+from .products import RenderVar
 
 FORMATS = {".exr": "EXR", ".png": "PNG"}
 
@@ -25,68 +24,41 @@ class Output:
 
     options: Options
     """The compression, the pixel type, and without vars the AOVs."""
-    path: OutputPath | None = None
-    """The command's own file."""
-    product: Product | None = None
+    path: str
+    owner: str = ""
+    """Path of the product, empty for the command's own file."""
     vars: list[RenderVar] = field(default_factory=list)
     """What a product holds; without any, the AOVs of the options."""
     color: str | None = None
     """sRGB, disabled, or as the kind of file asks for."""
     metadata: dict[str, str] = field(default_factory=dict)
 
-    @property
-    def owner(self) -> str:
-        """Path of the product, empty for the command's own file."""
-        return self.product.path if self.product else ""
-
-    def at(self, frame: float | None, log: SceneLog) -> str | None:
-        """The file of a frame; None, after a warning, where a product has none.
-
-        Raises OutputError where it cannot be written.
-        """
-        if self.product is None:
-            return self.path.path if frame is None else self.path.at(frame)
-        name = self.product.name_at(frame)
-        if not name:
-            log.warn(self.owner, "product-name", "it has no productName; not written")
-            return None
-        path = expand_frame(name, frame)
-        suffix = Path(path).suffix.lower()
-        if suffix not in FORMATS:
-            text = f"its productName {name} must be one that ends in .exr or .png; not written"
-            log.warn(self.owner, "product-name", text)
-            return None
-        if suffix == ".png" and len(self.vars) > 1:
-            text = "a PNG holds only color: its other vars are left out"
-            log.warn(self.owner, "product-vars", text)
-        check_writable(Path(path))
-        return path
-
-    def write(self, renderer, path: str, facts: dict[str, str], complete: bool) -> None:
+    def write(self, renderer, facts: dict[str, str], partial: bool = False) -> None:
         """Writes what was rendered; raises OutputError and leaves what was there."""
-        kind = FORMATS[Path(path).suffix.lower()]
+        kind = FORMATS[Path(self.path).suffix.lower()]
         color = self.color or ("sRGB" if kind == "PNG" else "disabled")
         aovs = [] if self.vars else self.options.aovs
-        facts = facts | self.metadata | {"hdtrapeze/complete": "true" if complete else "false"}
+        facts = facts | self.metadata | {"hdtrapeze/complete": "true"}
         try:
             renderer.session.write_image(
-                path,
+                self.path,
                 kind,
                 aovs if kind == "EXR" or self.vars else ["color"],
                 facts if kind == "EXR" else {},
                 self.options.named(),
                 color="SRGB" if color == "sRGB" else "LINEAR",
                 render_vars=self.vars,
+                partial=partial,
             )
         except NativeError as error:
-            raise OutputError(f"{path} cannot be written: {error}") from None
+            raise OutputError(f"{self.path} cannot be written: {error}") from None
 
-    def write_partial(self, renderer, path: str, facts: dict[str, str]) -> str:
-        """Keeps what an interrupted render had, beside the place of the complete frame."""
-        target = Path(path)
-        partial = str(target.with_name(f"{target.stem}.partial{target.suffix}"))
-        self.write(renderer, partial, facts, complete=False)
-        return partial
+    def write_partial(self, renderer, facts: dict[str, str]) -> str:
+        """Keeps what an interrupted render had, beside the place of the complete frame; gives the
+        file."""
+        self.write(renderer, facts, partial=True)
+        whole = Path(self.path)
+        return str(whole.with_name(f"{whole.stem}.partial{whole.suffix}"))
 
 
 def own_kind(output: OutputPath, has_aovs: bool) -> str:

@@ -1,155 +1,170 @@
-"""Which renders a command makes, and what each of them writes.
+"""Which renders a command makes of a frame, and what each of them writes.
 
-Images that agree in camera, resolution and every other setting share one render; their AOVs are
-rendered together. All others are renders of their own, one after the other, in one session.
+Which images agree and share a render, where products are written and which of them cannot be, the
+library plans, as for Hydra's hosts: here it is told what the stage says, and hears what to do.
 """
 
-import os
-from dataclasses import dataclass, replace
+import math
+from dataclasses import dataclass, field
 
 from pxr import UsdGeom
 
-from .camera import settings_camera
-from .errors import OutputError, SceneError
-from .frames import OutputPath
+from . import native
+from .arrays import Arrays
+from .camera import camera_aspect, settings_camera
 from .log import SceneLog
 from .options import Options
 from .outputs import Output
-from .products import Product, RenderVar, read_products
+from .planned import Planned
+from .products import Product, fill_var, read_products
+from .render import Renderer
 from .request import Request
-from .session import Session
-from .settings import image_values
+from .settings import Shape
 from .unwritten import Unwritten
+
+WHOLE = (0.0, 0.0, 1.0, 1.0)
 
 
 @dataclass
 class Render:
-    """One render a frame."""
+    """One render."""
 
     options: Options
     camera: UsdGeom.Camera | None
-    outputs: list[Output]
-
-    def agrees(self, options: Options, camera: UsdGeom.Camera | None) -> bool:
-        """Whether an image of these options is this render's."""
-        return _path(camera) == _path(self.camera) and _shared(options) == _shared(self.options)
-
-    def add(self, output: Output, aovs: list[str]) -> None:
-        """Writes one file more."""
-        self.outputs.append(output)
-        self.options.aovs = list(dict.fromkeys([*self.options.aovs, *aovs]))
+    outputs: list[Output] = field(default_factory=list)
 
 
-def plan_renders(
-    request: Request,
-    path: OutputPath | None,
-    color: str | None,
-    with_products: bool,
-    session: Session,
-    unwritten: Unwritten,
-    log: SceneLog,
-) -> list[Render]:
-    """The renders, the command's own image first. Says what is wrong with products."""
-    facts = {}
-    if request.settings:
-        facts["hdtrapeze/renderSettings"] = str(request.settings.GetPath())
-    if request.render_pass:
-        facts["hdtrapeze/renderPass"] = str(request.render_pass.GetPath())
-    own = Output(request.options, path, color=color, metadata=facts)
-    renders = [Render(replace(request.options), request.camera, [own])]
-    if not (request.settings and with_products):
-        return renders
-    image = image_values(request.settings, log, fallbacks=True)
-    camera = settings_camera(request.settings, log) or request.camera
-    for product in read_products(request.settings, unwritten, log):
-        aovs, render_vars = _aovs(product, session, log)
-        if not aovs:
-            unwritten.refused.append(product.path)
-            continue
-        options = request.product_options(image, product.values)
-        options.aovs = aovs
-        try:
-            options.data_window(options.width, options.height)
-        except SceneError as error:
-            log.warn(product.path, "data-window", f"{error} Not written")
-            unwritten.refused.append(product.path)
-            continue
-        output = Output(options, None, product, render_vars)
-        output.metadata = facts | {"hdtrapeze/renderProduct": product.path}
-        through = product.camera or camera
-        for render in renders:
-            if render.agrees(options, through):
-                render.add(output, aovs)
-                break
+@dataclass
+class FramePlan:
+    """What is rendered of a frame, in this order."""
+
+    renders: list[Render]
+    own: Render | None = None
+    """The one of the command's own image, if that can be."""
+    refused: dict[str, str] = field(default_factory=dict)
+    """Products that are not written, and why."""
+
+
+class Planner:
+    """Plans one frame of a command after the other."""
+
+    def __init__(self, request: Request, with_products: bool, unwritten: Unwritten, log: SceneLog):
+        self._request, self._unwritten, self._log = request, unwritten, log
+        self._facts = {}
+        if request.settings:
+            self._facts["hdtrapeze/renderSettings"] = str(request.settings.GetPath())
+        if request.render_pass:
+            self._facts["hdtrapeze/renderPass"] = str(request.render_pass.GetPath())
+        self._products: list[Product] = []
+        self._camera = request.camera
+        if request.settings and with_products:
+            self._products = read_products(request.settings, request.shape, unwritten, log)
+            self._camera = settings_camera(request.settings, log) or request.camera
+
+    def plan(
+        self, renderer: Renderer, frame: float | None, path: str = "", color: str | None = None
+    ) -> FramePlan:
+        """The renders of a frame, of which the command's own image goes to `path`."""
+        request, arrays = self._request, Arrays()
+        wanted = [request.product_options(product.values) for product in self._products]
+        cameras = [product.camera or self._camera for product in self._products]
+        products = [
+            self._product(renderer, frame, product, options, camera, arrays)
+            for product, options, camera in zip(self._products, wanted, cameras, strict=True)
+        ]
+        view = self._view(renderer, frame, path, arrays)
+        *planned, own = renderer.session.plan(view, products)
+        renders: dict[int, Render] = {}
+
+        def add(file: Planned, options: Options, camera, output: Output) -> None:
+            render = renders.setdefault(file.render, Render(options.planned(file), camera))
+            render.outputs.append(output)
+
+        plan = FramePlan([])
+        for product, file, options, camera in zip(
+            self._products, planned, wanted, cameras, strict=True
+        ):
+            if not file.is_written:
+                plan.refused[product.path] = file.why
+                self._unwritten.add(product.path, file)
+                continue
+            options.aovs = ["color"]
+            output = Output(options, file.path, product.path)
+            output.vars = [var for var in product.vars if renderer.session.render_var_aov(var)]
+            output.metadata = self._facts | {"hdtrapeze/renderProduct": product.path}
+            add(file, options, camera, output)
+        if own.is_written:
+            output = Output(request.options, path, color=color, metadata=self._facts)
+            add(own, request.options, request.camera, output)
+            plan.own = renders[own.render]
         else:
-            renders.append(Render(replace(options), through, [output]))
-    return renders
+            self._unwritten.add("", own)
+        plan.renders = [renders[number] for number in sorted(renders)]
+        return plan
+
+    def _view(self, renderer: Renderer, frame: float | None, path: str, arrays: Arrays):
+        request = self._request
+        options, camera, shape = request.options, request.camera, request.shape
+        view = native.new("trz_view")
+        view.camera = renderer.camera_id(_path(camera))
+        view.camera_aspect = camera_aspect(camera, frame, self._log)
+        view.settings = arrays.settings(_named(options), options.image(view.camera_aspect))
+        view.aovs, view.aov_count = arrays.texts(options.aovs), len(options.aovs)
+        view.frame = math.nan if frame is None else frame
+        view.path = arrays.text(path)
+        if request.settings and shape:
+            view.settings_path = arrays.text(str(request.settings.GetPath()))
+            _fill_shape(view, self._windowed(shape), arrays)
+            view.shapes_view, view.windows_view = request.takes_shape, request.takes_window
+        return view
+
+    def _product(
+        self,
+        renderer: Renderer,
+        frame: float | None,
+        product: Product,
+        options: Options,
+        camera: UsdGeom.Camera | None,
+        arrays: Arrays,
+    ):
+        out = arrays.keep(native.new("trz_product"))
+        out.path = arrays.text(product.path)
+        out.type = arrays.text(product.kind)
+        out.name = arrays.text(product.name_at(frame))
+        out.camera_path = arrays.text(product.camera_path or _path(camera))
+        if product.camera or not product.camera_path:
+            out.camera = renderer.camera_id(_path(camera))
+            out.camera_aspect = camera_aspect(camera, frame, self._log)
+        _fill_shape(out, self._windowed(product.shape), arrays)
+        image = {name: options.image(1.0)[name] for name in PER_RENDER}
+        out.settings = arrays.settings(_named(options), image)
+        vars_ = arrays.keep(native.ffi.new("trz_render_var[]", len(product.vars)))
+        for place, var in zip(vars_, product.vars, strict=True):
+            fill_var(place, var, arrays)
+        out.vars, out.var_count = vars_, len(product.vars)
+        out.var_target_count = product.var_targets
+        return out
+
+    def _windowed(self, shape: Shape) -> Shape:
+        """The shape without its data window where a crop or overscan takes its place."""
+        if not self._request.options.is_windowed:
+            return shape
+        return Shape(shape.resolution, shape.pixel_aspect, shape.conform, WHOLE)
 
 
-def files_of_frame(
-    renders: list[Render],
-    frame: float | None,
-    written: dict[str, str],
-    unwritten: Unwritten,
-    log: SceneLog,
-) -> list[list[tuple[Output, str]]]:
-    """Files of each render at a frame.
-
-    `written` holds the files of earlier frames and who wrote them. Of several that would write
-    one file, the first product does.
-    """
-    taken: dict[str, str] = {}
-    files: list[list[tuple[Output, str]]] = [[] for _ in renders]
-    entries = [(i, output) for i, render in enumerate(renders) for output in render.outputs]
-    # The products first: what they hold is more than the command's own colour.
-    for i, output in sorted(entries, key=lambda entry: entry[1].product is None):
-        try:
-            path = output.at(frame, log)
-        except OutputError as error:
-            log.warn(output.owner, "product-file", f"{error} Not written")
-            unwritten.failed.append(output.owner)
-            continue
-        if path is None:
-            unwritten.refused.append(output.owner)
-            continue
-        place = _place(path)
-        if place in taken:
-            who = taken[place]
-            text = f"{path} is already written by {who}"
-            other = f"not by {output.owner}" if output.product else "not by the command"
-            log.warn(output.owner, "product-file", f"{text}, and {other}")
-            unwritten.refused.append(output.owner)
-            continue
-        if output.product and written.get(place) == output.owner:
-            text = f"each frame replaces {path}: put the frame into productName, as #### or <F4>"
-            log.warn(output.owner, "product-name", text)
-        taken[place] = output.owner
-        files[i].append((output, path))
-    written.update(taken)
-    return files
+PER_RENDER = ("time_window", "fix_lens", "lens_point", "occlusion_culling")
+"""Fields of trz_settings that are of no product's own."""
 
 
-def _place(path: str) -> str:
-    return os.path.realpath(path)
+def _fill_shape(out, shape: Shape, arrays: Arrays) -> None:
+    out.resolution, out.data_window = shape.resolution, shape.data_window
+    out.pixel_aspect, out.conform = shape.pixel_aspect, arrays.text(shape.conform)
+
+
+def _named(options: Options) -> dict:
+    """Settings that tell images apart: not the backend, which need not be there for a plan."""
+    return {name: value for name, value in options.named().items() if name != "backend"}
 
 
 def _path(camera: UsdGeom.Camera | None) -> str:
     return str(camera.GetPath()) if camera else ""
-
-
-def _shared(options: Options) -> Options:
-    """The options without what concerns a file only."""
-    return replace(options, aovs=[], camera=None, compression="zip", pixel_type="half")
-
-
-def _aovs(product: Product, session: Session, log: SceneLog) -> tuple[list[str], list[RenderVar]]:
-    """AOVs that a product needs, and its vars that can be written."""
-    relationship = product.prim.GetOrderedVarsRel()
-    if not relationship.GetTargets():
-        log.warn(product.path, "product-vars", "its orderedVars is empty; color is written")
-        return ["color"], []
-    found = [(session.render_var_aov(var), var) for var in product.vars]
-    found = [(aov, var) for aov, var in found if aov]
-    if not found:
-        log.warn(product.path, "product-vars", "none of its vars can be written; not written")
-    return list(dict.fromkeys(aov for aov, _ in found)), [var for _, var in found]

@@ -8,9 +8,11 @@ from dataclasses import dataclass, field
 
 from pxr import Usd, UsdGeom, UsdRender
 
+from .arrays import Arrays, text
 from .guard import shown
 from .log import SceneLog
-from .settings import effect_values, image_values
+from .native import ffi
+from .settings import Shape, effect_values, read_shape
 from .targets import prim_at, targets_of, warn_target
 from .unwritten import Unwritten
 
@@ -33,18 +35,30 @@ class RenderVar:
 
 @dataclass
 class Product:
-    """A RenderProduct: fields of Options that it overrides, and what it holds."""
+    """A RenderProduct as authored."""
 
     prim: UsdRender.Product
     values: dict
+    """Fields of Options that it overrides."""
+    shape: Shape
+    """Of its image, with the settings' where it says nothing."""
     camera: UsdGeom.Camera | None = None
     """None: the settings', or the command's."""
+    camera_path: str = ""
+    """The camera that it names, which may be none."""
     vars: list[RenderVar] = field(default_factory=list)
+    var_targets: int = 0
+    """How many prims orderedVars names, also such as are no vars."""
 
     @property
     def path(self) -> str:
         """The prim's path."""
         return str(self.prim.GetPath())
+
+    @property
+    def kind(self) -> str:
+        """productType."""
+        return str(self.prim.GetProductTypeAttr().Get() or "")
 
     def name_at(self, frame: float | None) -> str:
         """productName, which may have time samples; empty where there is none."""
@@ -54,9 +68,9 @@ class Product:
 
 
 def read_products(
-    settings: UsdRender.Settings, unwritten: Unwritten, log: SceneLog
+    settings: UsdRender.Settings, shape: Shape, unwritten: Unwritten, log: SceneLog
 ) -> list[Product]:
-    """The products of a settings prim that can be written."""
+    """The products of a settings prim, of the shape that it says."""
     stage = settings.GetPrim().GetStage()
     products = []
     for target in targets_of(settings.GetProductsRel(), log):
@@ -65,29 +79,18 @@ def read_products(
             if warn_target(settings.GetPrim(), "products", target, "RenderProduct", log):
                 unwritten.refused.append(str(target))
             continue
-        product = _read_product(prim, unwritten, log)
-        if product is not None:
-            products.append(product)
+        products.append(_read_product(prim, shape, log))
     return products
 
 
-def _read_product(prim: UsdRender.Product, unwritten: Unwritten, log: SceneLog) -> Product | None:
-    path = prim.GetPath()
-    kind = prim.GetProductTypeAttr().Get()
-    if kind != "raster":
-        text = f"productType {kind} is not supported, only raster; not written"
-        log.warn(path, "product-type", text)
-        return None
-    product = Product(prim, image_values(prim, log) | effect_values(prim, log))
+def _read_product(prim: UsdRender.Product, shape: Shape, log: SceneLog) -> Product:
+    product = Product(prim, effect_values(prim, log), read_shape(prim, log, shape))
     cameras = targets_of(prim.GetCameraRel(), log, one=True)
     if cameras:
-        product.camera = UsdGeom.Camera(prim_at(prim.GetPrim().GetStage(), cameras[0]))
-        if not product.camera:
-            text = f"its camera {cameras[0]} is no camera; not written"
-            log.warn(path, "camera", text)
-            unwritten.refused.append(str(path))
-            return None
+        product.camera_path = str(cameras[0])
+        product.camera = UsdGeom.Camera(prim_at(prim.GetPrim().GetStage(), cameras[0])) or None
     product.vars = _read_vars(prim, log)
+    product.var_targets = len(prim.GetOrderedVarsRel().GetTargets())
     return product
 
 
@@ -107,7 +110,7 @@ def _read_vars(product: UsdRender.Product, log: SceneLog) -> list[RenderVar]:
 def _read_var(var: UsdRender.Var, log: SceneLog) -> RenderVar:
     prim = var.GetPrim()
 
-    def text(name: str) -> str:
+    def read(name: str) -> str:
         attribute = prim.GetAttribute(name)
         if not attribute.HasAuthoredValue():
             return ""
@@ -120,10 +123,17 @@ def _read_var(var: UsdRender.Var, log: SceneLog) -> RenderVar:
     has_prefix = prim.GetAttribute(f"{DRIVER}channel_prefix").HasAuthoredValue()
     return RenderVar(
         path=str(prim.GetPath()),
-        source_name=text("sourceName"),
-        source_type=text("sourceType"),
-        data_type=text("dataType"),
-        format=text(f"{DRIVER}format"),
-        name=text(f"{DRIVER}name"),
-        channel_prefix=text(f"{DRIVER}channel_prefix") if has_prefix else None,
+        source_name=read("sourceName"),
+        source_type=read("sourceType"),
+        data_type=read("dataType"),
+        format=read(f"{DRIVER}format"),
+        name=read(f"{DRIVER}name"),
+        channel_prefix=read(f"{DRIVER}channel_prefix") if has_prefix else None,
     )
+
+
+def fill_var(place, var: RenderVar, arrays: Arrays) -> None:
+    """Fills a trz_render_var; what is empty is not authored, but for an empty prefix."""
+    for name, value in vars(var).items():
+        if value or (name == "channel_prefix" and value is not None):
+            setattr(place, name, arrays.keep(ffi.new("char[]", text(value))))

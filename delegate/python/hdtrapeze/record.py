@@ -15,7 +15,7 @@ from .errors import HdTrapezeError, Interrupted, NativeError, OutputError, Scene
 from .frames import OutputPath, parse_frames
 from .log import SceneLog, logger
 from .outputs import Output, check_writable, metadata, own_kind
-from .plan import Render, files_of_frame, plan_renders
+from .plan import Planner, Render
 from .progress import ProgressBar
 from .render import Renderer
 from .request import check_flags, make_request
@@ -46,8 +46,8 @@ class _Command:
     log: SceneLog
     diagnostics: Diagnostics
     stage: Usd.Stage
-    written: dict[str, str] = field(default_factory=dict)
-    """Files of earlier frames, and the products that wrote them."""
+    output: OutputPath
+    planner: Planner
     unwritten: Unwritten = field(default_factory=Unwritten)
 
 
@@ -71,20 +71,13 @@ def _record(args, trace: Trace) -> None:
         frames = [None if args.defaultTime else stage.GetStartTimeCode()]
     if not args.quiet:
         print(f"Camera: {camera.GetPath() if camera else 'none, framing the bounds'}", flush=True)
-    command = _Command(args, trace, log, diagnostics, stage)
+    unwritten = Unwritten()
+    planner = Planner(request, not args.no_products, unwritten, log)
+    command = _Command(args, trace, log, diagnostics, stage, output, planner, unwritten)
     with Renderer(request.options, log, request.render_pass) as renderer:
-        renders = plan_renders(
-            request,
-            output,
-            args.colorCorrectionMode,
-            not args.no_products,
-            renderer.session,
-            command.unwritten,
-            log,
-        )
         diagnostics.report()
         _stop_at_warnings(args, log)
-        _record_frames(command, renderer, renders, frames)
+        _record_frames(command, renderer, frames)
     if args.memstats:
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         unit = 1 if sys.platform == "darwin" else 1024
@@ -93,16 +86,14 @@ def _record(args, trace: Trace) -> None:
         raise error
 
 
-def _record_frames(
-    command: _Command, renderer: Renderer, renders: list[Render], frames: list[float | None]
-) -> None:
+def _record_frames(command: _Command, renderer: Renderer, frames: list[float | None]) -> None:
     """Renders every frame; one that fails does not keep the others from being rendered."""
     failed: list[HdTrapezeError] = []
     for frame in frames:
         try:
             details = {"frame": "default" if frame is None else frame}
             with command.trace.span("frame", **details) as details:
-                _record_frame(command, renderer, renders, frame, details)
+                _record_frame(command, renderer, frame, details)
         except (SceneError, OutputError) as error:
             if frame is not None:
                 error.args = (f"Frame {frame:g}: {error}",)
@@ -127,33 +118,34 @@ def _stop_at_warnings(args, log: SceneLog) -> None:
         raise SceneError("Stopped at the first warning about the scene (--abortOnError).")
 
 
-def _record_frame(command, renderer, renders, frame, details) -> None:
+def _record_frame(command, renderer, frame, details) -> None:
     """All renders of one frame."""
-    files = files_of_frame(renders, frame, command.written, command.unwritten, command.log)
+    path = command.output.path if frame is None else command.output.at(frame)
+    plan = command.planner.plan(renderer, frame, path, command.args.colorCorrectionMode)
+    command.diagnostics.report()
+    _stop_at_warnings(command.args, command.log)
     details["seconds"] = 0.0
-    for render, outputs in zip(renders, files, strict=True):
-        if not outputs:
-            continue
+    for render in plan.renders:
         renderer.options = render.options
         with command.trace.span("read stage"):
             renderer.load(command.stage, frame, render.camera)
             command.diagnostics.report()
-        details["seconds"] += _render(command, renderer, frame, outputs, len(renders) > 1)
+        details["seconds"] += _render(command, renderer, frame, render, len(plan.renders) > 1)
 
 
-def _render(command, renderer, frame, outputs: list[tuple[Output, str]], several: bool) -> float:
+def _render(command, renderer, frame, render: Render, several: bool) -> float:
     """Renders and writes what was loaded; gives the seconds that it took."""
-    args, trace = command.args, command.trace
+    args, trace, outputs = command.args, command.trace, render.outputs
     if args.abortOnError or args.explain:
         with trace.span("commit"):
             renderer.commit()
     _stop_at_warnings(args, command.log)
     if args.explain:
         if several:
-            print(f"{', '.join(path for _, path in outputs)}:")
+            print(f"{', '.join(output.path for output in outputs)}:")
         print(renderer.explain())
     interrupted = None
-    name = Path(outputs[0][1]).name
+    name = Path(outputs[0].path).name
     with trace.span("render") as phase, ProgressBar(name, args.quiet) as bar:
         try:
             renderer.render(bar)
@@ -166,18 +158,18 @@ def _render(command, renderer, frame, outputs: list[tuple[Output, str]], several
         if interrupted:
             _write_partial(renderer, interrupted, outputs, facts)
             raise interrupted
-        for output, path in outputs:
-            _write(command, renderer, output, path, facts)
+        for output in outputs:
+            _write(command, renderer, output, facts)
     _print_statistics(args, renderer, frame, outputs, statistics)
     return statistics["total_seconds"]
 
 
-def _write(command, renderer, output: Output, path: str, facts: dict[str, str]) -> None:
+def _write(command, renderer, output: Output, facts: dict[str, str]) -> None:
     """Writes a file. Where a product's cannot be written, the others still are."""
     try:
-        output.write(renderer, path, facts, complete=True)
+        output.write(renderer, facts)
     except OutputError as error:
-        if output.product is None:
+        if not output.owner:
             raise
         command.log.warn(output.owner, "product-file", str(error))
         command.unwritten.failed.append(output.owner)
@@ -189,7 +181,7 @@ def _write_partial(renderer, interrupted, outputs, facts: dict[str, str]) -> Non
         interrupted.args = ("Interrupted before there was anything to keep.",)
         return
     try:
-        kept = [output.write_partial(renderer, path, facts) for output, path in outputs]
+        kept = [output.write_partial(renderer, facts) for output in outputs]
         interrupted.args = (f"Interrupted. What was rendered is in {', '.join(kept)}.",)
     except (NativeError, OutputError) as error:
         interrupted.args = (f"Interrupted. What was rendered could not be kept: {error}",)
@@ -203,9 +195,9 @@ def _print_statistics(args, renderer, frame, outputs, statistics) -> None:
         size = f"{width} x {height}"
         if (x0, y0, x1, y1) not in ((0, 0, 0, 0), (0, 0, width, height)):
             size += f" (data window {x1 - x0} x {y1 - y0} at {x0}, {y0})"
-        for _, path in outputs:
+        for output in outputs:
             print(
-                f"{path}: {at}, {size}, {renderer.options.samples} samples, "
+                f"{output.path}: {at}, {size}, {renderer.options.samples} samples, "
                 f"{statistics['total_seconds']:.2f} s",
                 flush=True,
             )

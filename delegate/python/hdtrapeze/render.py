@@ -5,12 +5,11 @@ import threading
 import numpy as np
 from pxr import Usd, UsdGeom, UsdRender
 
-from . import native
 from .camera import CameraState, effective_shutter, find_camera, framing_camera, read_camera
 from .errors import Interrupted, SceneError
 from .interrupts import ignored
 from .log import SceneLog
-from .options import WINDOW_POLICIES, Options
+from .options import Options
 from .passes import PassCollections
 from .primvars import wanted_primvars
 from .scene import SceneSync
@@ -92,38 +91,27 @@ class Renderer:
             else framing_camera(stage, shutter, purposes)
         )
         self.camera = state
-        if state.path not in self._camera_ids:
-            created = self.session.create("camera", state.path or "/framing_camera")
-            self._camera_ids[state.path] = created
         # First of all, so that prims can be diced for them while others are read.
-        self.session.set_camera(self._camera_ids[state.path], state)
+        self.session.set_camera(self.camera_id(state.path), state)
         self._apply_settings()
         self._scene.ask_for_primvars(wanted_primvars(options.aovs))
         self._scene.sync(stage, shutter, transforms)
         if not (self._scene.mesh_count or self._scene.has_hidden):
             self.log.warn("", "empty", "the stage has nothing to render for the purposes asked for")
 
+    def camera_id(self, path: str) -> int:
+        """The session's camera of a path; the one that frames the bounds has none."""
+        if path not in self._camera_ids:
+            self._camera_ids[path] = self.session.create("camera", path or "/framing_camera")
+        return self._camera_ids[path]
+
     def _apply_settings(self) -> None:
-        options, constants = self.options, native.constants()
-        width, height = options.resolution(self.camera.aspect)
-        self.resolution = (width, height)
-        settings = {
-            "width": width,
-            "height": height,
-            "data_window": options.data_window(width, height),
-            "pixel_aspect": options.shape_of_pixels(self.camera.aspect, width, height),
-            "window_policy": getattr(
-                constants, f"TRZ_WINDOW_{WINDOW_POLICIES[options.window_policy]}"
-            ),
-            "time_window": options.time_window,
-            "fix_lens": options.lens_point is not None,
-            "lens_point": options.lens_point or (0.0, 0.0),
-            "occlusion_culling": options.occlusion_culling,
-        }
+        options = self.options
+        self.resolution = options.resolution(self.camera.aspect)
         named = options.named()
         # The camera has it, and what moves was read for it.
         named.pop("shutter", None)
-        self.session.set_settings(named, **settings)
+        self.session.set_settings(named, **options.image(self.camera.aspect))
         self.session.set_aovs(list(dict.fromkeys(options.aovs)))
 
     def commit(self) -> None:

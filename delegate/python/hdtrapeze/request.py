@@ -22,10 +22,8 @@ from .log import SceneLog
 from .named import settings as own_settings
 from .options import AOVS, Options
 from .primvars import AOV_PREFIX
-from .settings import check_unused, effect_values, image_values, purpose_values
+from .settings import Shape, check_unused, effect_values, purpose_values, read_shape
 from .usdrender import RENDERER_NAMES, find_render_pass, find_render_settings
-
-IMAGE_FIELDS = ("width", "height", "pixel_aspect", "window_policy")
 
 
 @dataclass
@@ -42,11 +40,17 @@ class Request:
     complexity: float = 1.0
     scene: dict = field(default_factory=dict)
     """Fields of Options that the settings prim sets for every image."""
+    shape: Shape | None = None
+    """What the settings prim says of the image's shape."""
+    takes_shape: bool = False
+    """The command's own image has that shape..."""
+    takes_window: bool = False
+    """...and that data window."""
 
-    def product_options(self, image: dict, values: dict) -> Options:
-        """Options of a product: the settings' image, and what the product overrides."""
+    def product_options(self, values: dict) -> Options:
+        """Options of a product, which overrides some; but for the image's shape."""
         own = {k: v for k, v in self.flags.items() if k not in ("width", "camera", "aovs")}
-        return combine(image, self.scene, values, own, complexity=self.complexity)
+        return combine(self.scene, values, own, complexity=self.complexity)
 
 
 def combine(*layers: dict, complexity: float = 1.0) -> Options:
@@ -66,19 +70,30 @@ def make_request(args, stage: Usd.Stage, log: SceneLog) -> Request:
     flags = flag_values(args)
     render_pass = find_render_pass(stage, args.renderPassPrimPath, args.renderer is not None, log)
     settings = find_render_settings(stage, args.renderSettingsPrimPath, render_pass, log)
-    scene, image = {}, {}
+    named = bool(args.renderSettingsPrimPath or args.renderPassPrimPath)
+    scene, shape, has_resolution = {}, None, False
     if settings:
         check_unused(settings, log)
         scene = effect_values(settings, log) | purpose_values(settings, log)
-        if args.renderSettingsPrimPath or args.renderPassPrimPath:
-            image = image_values(settings, log, fallbacks=True)
-        if "width" in flags or not settings.GetResolutionAttr().HasAuthoredValue():
-            image = {k: v for k, v in image.items() if k not in IMAGE_FIELDS}
+        if named or not args.no_products:
+            shape = read_shape(settings, log)
+        has_resolution = settings.GetResolutionAttr().HasAuthoredValue()
     complexity = COMPLEXITIES[args.complexity]
-    options = combine(image, scene, flags, complexity=complexity)
+    options = combine(scene, flags, complexity=complexity)
     options.validate()
     camera = find_camera(stage, options.camera, settings, log)
-    return Request(options, camera, render_pass, settings, flags, complexity, scene)
+    return Request(
+        options,
+        camera,
+        render_pass,
+        settings,
+        flags,
+        complexity,
+        scene,
+        shape,
+        takes_shape=bool(settings) and named and has_resolution and "width" not in flags,
+        takes_window=bool(settings) and named and not options.is_windowed,
+    )
 
 
 def check_flags(args) -> None:

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from . import native
+from .arrays import Arrays, text
 from .camera import CameraState
 from .curves import CurveTopology
 from .errors import SceneError
@@ -19,12 +20,13 @@ from .lens import LENS_ATTRIBUTES
 from .log import SceneLog
 from .mesh import BOUNDARIES, FACE_VARYING, ORIENTATIONS, SCHEMES, TRIANGLES, Topology
 from .motion import Motion
-from .named import assign, settings
+from .named import settings_struct
 from .nurbs import Basis
 from .nurbs_curves import NurbsBasis
+from .planned import Planned, read_planned
 from .points import Points, Samples
 from .primvars import INTERPOLATIONS, NUMBERS, Primvar
-from .products import RenderVar
+from .products import RenderVar, fill_var
 from .subsets import ELEMENTS, FAMILIES, Subset
 from .transforms import Level
 
@@ -32,52 +34,7 @@ ffi = native.ffi
 
 LENS_NUMBERS = (*LENS_ATTRIBUTES, "exposure_scale")
 
-ARRAY_TYPES = {np.dtype(np.float32): "float[]", np.dtype(np.float64): "double[]"}
-ARRAY_TYPES |= {np.dtype(np.int32): "int32_t[]", np.dtype(np.uint32): "uint32_t[]"}
-ARRAY_TYPES[np.dtype(np.uint8)] = "uint8_t[]"
-
 _NO_INDICES = np.zeros(0, dtype=np.int32)
-
-
-class _Arrays:
-    """Pointers to numpy arrays, kept alive together."""
-
-    def __init__(self):
-        self._keep = []
-
-    def pointer(self, array: np.ndarray):
-        """A pointer to the array's memory; NULL where it is empty."""
-        array = np.ascontiguousarray(array)
-        if array.size == 0:
-            return ffi.NULL
-        pointer = ffi.from_buffer(ARRAY_TYPES[array.dtype], array)
-        self._keep.append((array, pointer))
-        return pointer
-
-    def samples(self, samples: Samples, of: str = "float") -> tuple:
-        """Times, their number, arrays and the number of values of each, as C has them."""
-        times = self.pointer(np.asarray(samples.times, dtype=np.float64))
-        pointers = [self.pointer(array) for array in samples.arrays]
-        values = self.keep(ffi.new(f"{of} *[]", pointers))
-        counts = self.keep(ffi.new("size_t[]", [len(array) for array in samples.arrays]))
-        return times, len(samples.arrays), values, counts
-
-    def bytes(self, array: np.ndarray):
-        """A pointer to an array of any type; NULL where it is empty."""
-        array = np.ascontiguousarray(array)
-        if array.size == 0:
-            return ffi.NULL
-        self._keep.append(array)
-        return ffi.cast("void *", array.ctypes.data)
-
-    def keep(self, value):
-        """Keeps a cffi allocation alive."""
-        self._keep.append(value)
-        return value
-
-
-def _text(value: str):
-    return value.encode("utf-8")
 
 
 class Session:
@@ -110,17 +67,15 @@ class Session:
     def __exit__(self, *_):
         self.close()
 
-    def _on_log(self, _user, level, path, code, text):
+    def _on_log(self, _user, level, path, code, what):
         constants = self._constants
         levels = {
             constants.TRZ_LOG_ERROR: logging.ERROR,
             constants.TRZ_LOG_WARN: logging.WARNING,
             constants.TRZ_LOG_INFO: logging.INFO,
         }
-        path, code, text = (
-            ffi.string(p).decode("utf-8", "replace") if p else "" for p in (path, code, text)
-        )
-        self._log.say(levels.get(level, logging.DEBUG), path, code, text)
+        texts = (ffi.string(p).decode("utf-8", "replace") if p else "" for p in (path, code, what))
+        self._log.say(levels.get(level, logging.DEBUG), *texts)
 
     def _call(self, function: str, *arguments) -> None:
         if self._session is None:
@@ -135,7 +90,7 @@ class Session:
     def create(self, kind: str, path: str) -> int:
         """A new prim: an instancer, a camera or what shapes.Shape.kind names."""
         out = ffi.new("trz_id *")
-        self._call(f"trz_{kind}_create", _text(path), out)
+        self._call(f"trz_{kind}_create", text(path), out)
         return out[0]
 
     def complete(self, prim: int) -> None:
@@ -148,7 +103,7 @@ class Session:
 
     def set_topology(self, prim: int, topology: Topology) -> None:
         """Sets a mesh's topology, as authored."""
-        arrays = _Arrays()
+        arrays = Arrays()
         value = native.new("trz_topology")
         value.scheme = self._value("SCHEME", SCHEMES[topology.scheme])
         value.boundary = self._value("BOUNDARY", BOUNDARIES[topology.boundary])
@@ -176,11 +131,11 @@ class Session:
         if not subsets and prim not in self._with_subsets:
             return
         self._with_subsets.add(prim)
-        arrays = _Arrays()
+        arrays = Arrays()
         values = arrays.keep(ffi.new("trz_subset[]", len(subsets)))
         for value, subset in zip(values, subsets, strict=True):
-            value.path = arrays.keep(ffi.new("char[]", _text(subset.path)))
-            value.family = arrays.keep(ffi.new("char[]", _text(subset.family)))
+            value.path = arrays.keep(ffi.new("char[]", text(subset.path)))
+            value.family = arrays.keep(ffi.new("char[]", text(subset.family)))
             value.family_type = self._value("FAMILY", FAMILIES[subset.family_type])
             value.element_type = self._value("ELEMENT", ELEMENTS[subset.element])
             value.indices = arrays.pointer(subset.indices)
@@ -189,7 +144,7 @@ class Session:
 
     def set_implicit(self, prim: int, implicit: Implicit) -> None:
         """Sets kind and sizes of an implicit prim."""
-        arrays = _Arrays()
+        arrays = Arrays()
         value = native.new("trz_implicit")
         value.kind = self._value("IMPLICIT", implicit.shape)
         value.axis = self._value("AXIS", implicit.axis)
@@ -201,7 +156,7 @@ class Session:
 
     def set_curves(self, prim: int, topology: CurveTopology) -> None:
         """Sets basis, wrap and counts of curves, as authored."""
-        arrays = _Arrays()
+        arrays = Arrays()
         value = native.new("trz_curves")
         value.basis = self._value("BASIS", topology.basis)
         value.wrap = self._value("WRAP", topology.wrap)
@@ -212,7 +167,7 @@ class Session:
 
     def set_nurbs_patch(self, prim: int, basis: Basis) -> None:
         """Sets orders, knots, ranges and weights of a NURBS patch."""
-        arrays = _Arrays()
+        arrays = Arrays()
         value = native.new("trz_nurbs_patch")
         value.orientation = self._value("ORIENTATION", ORIENTATIONS[basis.orientation])
         for d, name in enumerate("uv"):
@@ -227,7 +182,7 @@ class Session:
 
     def set_nurbs_curves(self, prim: int, basis: NurbsBasis) -> None:
         """Sets orders, knots, ranges and weights of NURBS curves."""
-        arrays = _Arrays()
+        arrays = Arrays()
         value = native.new("trz_nurbs_curves")
         value.form = self._value("CURVES", basis.form)
         value.vertex_counts = arrays.pointer(basis.vertex_counts)
@@ -243,7 +198,7 @@ class Session:
 
     def set_points(self, prim: int, points: Points) -> None:
         """Sets the points of a mesh or NURBS patch, of curves or spheres."""
-        arrays = _Arrays()
+        arrays = Arrays()
         value = native.new("trz_points")
         samples = Samples(points.times, points.arrays)
         value.times, value.sample_count, value.points, value.counts = arrays.samples(samples)
@@ -256,7 +211,7 @@ class Session:
 
     def set_transform(self, prim: int, levels: list[Level]) -> None:
         """Sets the transform of a prim or camera, its own level first."""
-        arrays = _Arrays()
+        arrays = Arrays()
         value = ffi.new("trz_transform_samples[]", len(levels))
         for i, level in enumerate(levels):
             value[i].times = arrays.pointer(np.asarray(level.times, dtype=np.float64))
@@ -267,9 +222,9 @@ class Session:
     def set_primvar(self, prim: int, name: str, primvar: Primvar | None) -> None:
         """Sets a primvar, or removes it."""
         if primvar is None:
-            self._call("trz_prim_set_primvar", prim, _text(name), ffi.NULL)
+            self._call("trz_prim_set_primvar", prim, text(name), ffi.NULL)
             return
-        arrays = _Arrays()
+        arrays = Arrays()
         value = native.new("trz_primvar")
         samples = primvar.samples
         value.interpolation = self._value("INTERPOLATION", INTERPOLATIONS[primvar.interpolation])
@@ -290,11 +245,11 @@ class Session:
             pointers = [arrays.pointer(array) for array in indices]
             value.indices = arrays.keep(ffi.new("int32_t *[]", pointers))
             value.index_counts = arrays.keep(ffi.new("size_t[]", [len(a) for a in indices]))
-        self._call("trz_prim_set_primvar", prim, _text(name), value)
+        self._call("trz_prim_set_primvar", prim, text(name), value)
 
     def set_instances(self, instancer: int, instances: Instances) -> None:
         """Sets the arrays of an instancer."""
-        arrays = _Arrays()
+        arrays = Arrays()
         value = native.new("trz_instancer")
         value.instance_count = instances.count
         value.prototype_count = instances.prototype_count
@@ -337,7 +292,7 @@ class Session:
         """Sets a camera and renders through it."""
         value = native.new("trz_camera")
         native.check(self._lib.trz_camera_default(value))
-        arrays = _Arrays()
+        arrays = Arrays()
         orthographic = state.projection == "orthographic"
         value.projection = self._value(
             "PROJECTION", "ORTHOGRAPHIC" if orthographic else "PERSPECTIVE"
@@ -369,14 +324,14 @@ class Session:
     def set_settings(self, named: dict, **fields) -> None:
         """Sets the settings that are `named` (see named.settings) and these fields of trz_settings;
         the renderer's defaults for the rest."""
-        value = _settings(named)
+        value = settings_struct(named)
         for name, field in fields.items():
             setattr(value, name, field)
         self._call("trz_session_set_settings", value)
 
     def set_aovs(self, names: list[str]) -> None:
         """Which AOVs the next render fills."""
-        texts = [ffi.new("char[]", _text(name)) for name in names]
+        texts = [ffi.new("char[]", text(name)) for name in names]
         self._call("trz_session_set_aovs", ffi.new("char *[]", texts), len(texts))
 
     def commit(self) -> None:
@@ -429,7 +384,7 @@ class Session:
 
     def _describe(self, name: str):
         description = native.new("trz_aov_desc")
-        self._call("trz_aov_describe", _text(name), description)
+        self._call("trz_aov_describe", text(name), description)
         return description
 
     def aov_origin(self, name: str) -> tuple[int, int]:
@@ -443,7 +398,7 @@ class Session:
         integers = description.format == self._constants.TRZ_FORMAT_INT32
         shape = (description.height, description.width, description.components)
         array = np.empty(shape, dtype=np.int32 if integers else np.float32)
-        self._call("trz_aov_read", _text(name), ffi.from_buffer(array), array.nbytes)
+        self._call("trz_aov_read", text(name), ffi.from_buffer(array), array.nbytes)
         return array[..., 0] if description.components == 1 else array
 
     def write_image(
@@ -455,35 +410,38 @@ class Session:
         named: dict | None = None,
         color: str = "LINEAR",
         render_vars: Sequence[RenderVar] = (),
+        partial: bool = False,
     ) -> None:
         """Writes an EXR or PNG; whatever goes wrong, a file that was there stays.
 
-        Of the settings that are `named`, compression and pixelType say how an EXR is written.
+        Of the settings that are `named`, compression and pixelType say how an EXR is written. What
+        is `partial` goes beside the file.
         """
-        arrays = _Arrays()
+        arrays = Arrays()
         value = native.new("trz_image")
         value.type = self._value("IMAGE", kind)
-        exr = _settings(named or {})
+        exr = settings_struct(named or {})
         value.pixel_type, value.compression = exr.pixel_type, exr.compression
         value.color = self._value("COLOR", color)
-        names = [ffi.new("char[]", _text(name)) for name in aovs]
-        pairs = [ffi.new("char[]", _text(str(t))) for pair in metadata.items() for t in pair]
+        value.partial = partial
+        names = [ffi.new("char[]", text(name)) for name in aovs]
+        pairs = [ffi.new("char[]", text(str(t))) for pair in metadata.items() for t in pair]
         value.aovs = aov_list = ffi.new("char *[]", names) if names else ffi.NULL
         value.aov_count = len(names)
         value.metadata = metadata_list = ffi.new("char *[]", pairs) if pairs else ffi.NULL
         value.metadata_count = len(pairs)
         places = arrays.keep(ffi.new("trz_render_var[]", len(render_vars)))
         for place, var in zip(places, render_vars, strict=True):
-            _fill_var(place, var, arrays)
+            fill_var(place, var, arrays)
         value.vars, value.var_count = places, len(render_vars)
-        self._call("trz_image_write", _text(path), value)
+        self._call("trz_image_write", text(path), value)
         del aov_list, metadata_list  # alive until here
 
     def render_var_aov(self, var: RenderVar) -> str | None:
         """The AOV that a render var is written from; None, after a warning, where there is none."""
-        arrays = _Arrays()
+        arrays = Arrays()
         value = ffi.new("trz_render_var *")
-        _fill_var(value, var, arrays)
+        fill_var(value, var, arrays)
         capacity = 4096
         buffer, needed = ffi.new("char[]", capacity), ffi.new("size_t *")
         try:
@@ -493,6 +451,17 @@ class Session:
                 raise
             return None
         return ffi.string(buffer).decode("utf-8", "replace")
+
+    def plan(self, view, products: list) -> list[Planned]:
+        """What becomes of each of these trz_products beside a trz_view, and of the view's own image
+        at the end."""
+        out = ffi.new("trz_plan **")
+        pointers = ffi.new("trz_product *[]", products) if products else ffi.NULL
+        self._call("trz_plan_create", view, pointers, len(products), out)
+        try:
+            return [read_planned(out[0], number) for number in range(len(products) + 1)]
+        finally:
+            self._lib.trz_plan_destroy(out[0])
 
     def trace_rays(self, rays: np.ndarray) -> np.ndarray:
         """Traces (n, 9) f32 rays: origin, direction, time, t_min, t_max; world space.
@@ -510,22 +479,6 @@ class Session:
             len(rays),
         )
         return hits
-
-
-def _settings(named: dict):
-    """A trz_settings with the settings that are `named`, else the renderer's defaults."""
-    value = native.new("trz_settings")
-    native.check(native.lib().trz_settings_default(value))
-    for name, given in named.items():
-        assign(value, settings()[name], given)
-    return value
-
-
-def _fill_var(place, var: RenderVar, arrays: _Arrays) -> None:
-    """Fills a trz_render_var; what is empty is not authored, but for an empty prefix."""
-    for name, text in vars(var).items():
-        if text or (name == "channel_prefix" and text is not None):
-            setattr(place, name, arrays.keep(ffi.new("char[]", _text(text))))
 
 
 HIT = np.dtype(

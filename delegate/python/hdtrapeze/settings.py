@@ -1,4 +1,4 @@
-"""RenderSettings and RenderProduct prims as fields of Options.
+"""RenderSettings and RenderProduct prims as fields of Options, and the shapes of their images.
 
 A product overrides only what it authors; the settings prim also speaks through its schema's
 fallbacks. Attributes in the namespace `trapeze` are this renderer's own (see named), on either
@@ -6,7 +6,7 @@ prim. What cannot be used gives one warning with the prim's path, and is as if i
 """
 
 from collections.abc import Callable
-from numbers import Integral, Real
+from dataclasses import dataclass
 
 from pxr import Usd, UsdRender
 
@@ -17,29 +17,8 @@ from .named import PREFIX, settings
 from .options import Options
 from .typed import Mistyped, get, warn_unknown
 
-CONFORM_POLICIES = {
-    "expandAperture": "fit",
-    "cropAperture": "crop",
-    "adjustApertureWidth": "matchVertically",
-    "adjustApertureHeight": "matchHorizontally",
-    "adjustPixelAspectRatio": "dontConform",
-}
-"""aspectRatioConformPolicy as window policies."""
-
 LINEAR_REC709 = ("lin_rec709_scene", "lin_rec709", "raw", "data", "")
 """renderingColorSpaces that ask for no more than what is done: displayColor as it is."""
-
-
-def _integer(value) -> int:
-    if not isinstance(value, Integral) or isinstance(value, bool):
-        raise TypeError("it must be a whole number")
-    return int(value)
-
-
-def _number(value) -> float:
-    if not isinstance(value, Real) or isinstance(value, bool):
-        raise TypeError("it must be a number")
-    return float(value)
 
 
 def _flag(value) -> bool:
@@ -54,37 +33,23 @@ def _word(value) -> str:
     return value
 
 
-def _numbers(count: int, one: Callable = _number) -> Callable:
-    def convert(value) -> tuple:
-        if isinstance(value, str) or not hasattr(value, "__len__"):
-            raise TypeError(f"it must be {count} numbers")
-        numbers = tuple(one(number) for number in value)
-        if len(numbers) != count:
-            raise TypeError(f"it must be {count} numbers")
-        return numbers
+@dataclass(frozen=True)
+class Shape:
+    """What a prim says of the shape of its image; whether that can be, the library decides."""
 
-    return convert
+    resolution: tuple[int, int]
+    pixel_aspect: float
+    conform: str
+    data_window: tuple[float, float, float, float]
 
 
-def _policy(value) -> str:
-    try:
-        return CONFORM_POLICIES[value]
-    except (KeyError, TypeError):
-        raise ValueError(f"known are {', '.join(CONFORM_POLICIES)}") from None
-
-
-def _data_window(value) -> dict:
-    window = _numbers(4)(value)
-    return {"data_window_ndc": None if window == (0.0, 0.0, 1.0, 1.0) else window}
-
-
-IMAGE = {
-    "resolution": lambda v: dict(zip(("width", "height"), _numbers(2, _integer)(v), strict=True)),
-    "pixelAspectRatio": lambda v: {"pixel_aspect": _number(v)},
-    "aspectRatioConformPolicy": lambda v: {"window_policy": _policy(v)},
-    "dataWindowNDC": _data_window,
+SHAPE = {
+    "resolution": ("resolution", lambda v: tuple(map(int, v))),
+    "pixelAspectRatio": ("pixel_aspect", float),
+    "aspectRatioConformPolicy": ("conform", str),
+    "dataWindowNDC": ("data_window", lambda v: tuple(map(float, v))),
 }
-"""Attributes of the image's shape."""
+"""Attributes of a Shape."""
 
 EFFECTS = {
     "disableMotionBlur": lambda v: {"motion_blur": not _flag(v)},
@@ -97,14 +62,30 @@ HOSTS_TELL = ("timeCodesPerSecond",)
 """Settings of prims that only hosts need which do not know what a stage says."""
 
 
-def image_values(prim: UsdRender.SettingsBase, log: SceneLog, fallbacks: bool = False) -> dict:
-    """The image's shape; with `fallbacks` also what the schema says where nothing is authored."""
-    return _read(prim, IMAGE, log, fallbacks)
+def read_shape(prim: UsdRender.SettingsBase, log: SceneLog, other: Shape | None = None) -> Shape:
+    """The shape of an image, with `other` where the prim says nothing, else the schema's."""
+    definition = prim.GetPrim().GetPrimDefinition()
+    values = {}
+    for name, (own, convert) in SHAPE.items():
+        attribute = prim.GetPrim().GetAttribute(name)
+        fallback = convert(definition.GetAttributeFallbackValue(name))
+        values[own] = getattr(other, own) if other else fallback
+        if not attribute.HasAuthoredValue():
+            continue
+        try:
+            value = get(attribute, Usd.TimeCode.Default())
+        except Mistyped as error:
+            used = "the render settings'" if other else shown(fallback)
+            log.warn(prim.GetPath(), "type", f"{error}; {used} is used")
+            continue
+        if value is not None:
+            values[own] = convert(value)
+    return Shape(**values)
 
 
 def effect_values(prim: UsdRender.SettingsBase, log: SceneLog) -> dict:
     """Effects that are switched off, and the renderer's own settings."""
-    return _read(prim, EFFECTS, log, False) | _trapeze_values(prim.GetPrim(), log)
+    return _read(prim, EFFECTS, log) | _trapeze_values(prim.GetPrim(), log)
 
 
 def purpose_values(settings: UsdRender.Settings, log: SceneLog) -> dict:
@@ -131,19 +112,14 @@ def check_unused(settings: UsdRender.Settings, log: SceneLog) -> None:
         log.say(20, str(path), "unsupported-shading", text)
 
 
-def _read(prim: UsdRender.SettingsBase, readers: dict, log: SceneLog, fallbacks: bool) -> dict:
+def _read(prim: UsdRender.SettingsBase, readers: dict, log: SceneLog) -> dict:
     values = {}
     definition = prim.GetPrim().GetPrimDefinition()
     for name, convert in readers.items():
         attribute = prim.GetPrim().GetAttribute(name)
         fallback = definition.GetAttributeFallbackValue(name)
         if attribute.HasAuthoredValue():
-            found = _checked(attribute, convert, _used(prim.GetPrim(), fallback), log)
-            if found is not None:
-                values |= found
-                continue
-        if fallbacks:
-            values |= convert(fallback)
+            values |= _checked(attribute, convert, _used(prim.GetPrim(), fallback), log) or {}
     return values
 
 

@@ -5,7 +5,9 @@ Everything else is rendered and written first; of each there has been a warning 
 
 from dataclasses import dataclass, field
 
+from . import native
 from .errors import HdTrapezeError, OutputError, SceneError
+from .planned import Planned
 
 
 @dataclass
@@ -16,6 +18,14 @@ class Unwritten:
     """They cannot be rendered as asked: without a name, a camera, a file of their own..."""
     failed: list[str] = field(default_factory=list)
     """A file could not be written."""
+
+    def add(self, path: str, file: Planned) -> None:
+        """Counts a file that the library has planned not to write; it has told why."""
+        constants = native.constants()
+        if file.result == constants.TRZ_ERROR_IO:
+            self.failed.append(path)
+        elif file.result != constants.TRZ_ERROR_UNSUPPORTED:
+            self.refused.append(path)
 
     def error(self) -> HdTrapezeError | None:
         """What the command ends with: the disk's faults before the scene's."""

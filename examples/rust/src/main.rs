@@ -170,6 +170,7 @@ fn render(session: &Session, path: &str) -> Result<(), String> {
         metadata_count: 0,
         vars: null(),
         var_count: 0,
+        partial: 0,
     };
     // SAFETY: all pointers are to live values of the lengths that are told.
     unsafe {

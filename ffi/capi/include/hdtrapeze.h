@@ -440,6 +440,10 @@
 // A render waits, with the samples that it has (trz_render_pause).
 #define TRZ_STATE_PAUSED 6
 
+// What is made of products: which of them share renders, and where they are written. Made by
+// trz_plan_create.
+typedef struct trz_plan trz_plan;
+
 // A session: scene, renderer and images. Made by trz_session_create.
 typedef struct trz_session trz_session;
 
@@ -1126,6 +1130,18 @@ typedef struct trz_view {
   int32_t resolution[2];
   // The same of its dataWindowNDC, as a product's; all 0 where that is not known: then all of the image.
   float data_window[4];
+  // The same of its pixelAspectRatio; 0 where that is not known: then 1.
+  float pixel_aspect;
+  // The same of its aspectRatioConformPolicy; NULL where that is not known: then expandAperture.
+  const char *conform;
+  // 1: the view's own image has this resolution, pixel aspect and policy, in place of its settings'.
+  uint32_t shapes_view;
+  // 1: the same of this data window.
+  uint32_t windows_view;
+  // Width over height of the film back of the view's camera; 0 where it is not known.
+  double camera_aspect;
+  // The file that the host itself writes of the view, which a product may have taken; NULL for none.
+  const char *path;
 } trz_view;
 
 // A render var of a product (UsdRenderVar) as authored. Texts are UTF-8; NULL where nothing is
@@ -1183,8 +1199,10 @@ typedef struct trz_product {
   const struct trz_settings *settings;
   // orderedVars.
   const struct trz_render_var *vars;
-  // Number of vars; 0: color is written.
+  // Number of vars.
   size_t var_count;
+  // How many prims orderedVars names, also such as are no vars. 0, and no vars: color is written.
+  size_t var_target_count;
 } trz_product;
 
 // A host's own buffer for an AOV, and what it shows. A host sets what it is like, and all fields below
@@ -1223,6 +1241,28 @@ typedef struct trz_buffer {
   // The library's: 1 where the render that is shown had ended.
   uint32_t ended;
 } trz_buffer;
+
+// What becomes of a product, or of the host's own image. Pointers are the plan's, valid as long as it is.
+typedef struct trz_planned {
+  // sizeof(trz_planned).
+  uint32_t struct_size;
+  // TRZ_OK. Or why it is not written: TRZ_ERROR_UNSUPPORTED, no such thing is (its productType);
+  // TRZ_ERROR_INVALID_ARGUMENT, what it asks for cannot be; TRZ_ERROR_IO, its file cannot be written.
+  // Then all below is 0, but for why.
+  trz_result result;
+  // The reason, of which a message has told; empty where it is written.
+  const char *why;
+  // Its file; empty for the host's own image.
+  const char *path;
+  // Number of its render, which those that agree in camera and settings share.
+  uint32_t render;
+  // Number of names.
+  uint32_t aov_count;
+  // Names of the AOVs of that render.
+  const char *const *aovs;
+  // Settings of that render, with the shape of the image.
+  const struct trz_settings *settings;
+} trz_planned;
 
 // Size and type of an AOV. It covers the image and the data window; what was not rendered of them
 // is background.
@@ -1268,6 +1308,9 @@ typedef struct trz_image {
   const struct trz_render_var *vars;
   // Number of render vars; 0: aovs says what is written.
   size_t var_count;
+  // 1: what an interrupted render had; goes to name.partial.exr beside name.exr, which stays, with
+  // hdtrapeze/complete false.
+  uint32_t partial;
 } trz_image;
 
 // A ray at one instant, world space.
@@ -1820,7 +1863,8 @@ trz_result trz_scene_dump(struct trz_session *session,
 // is queued, and renders one image after the other, each from the first sample. Those that agree in
 // camera and settings are one. Products are written when their samples were taken, then the view is
 // rendered, which AOVs can be read of. What runs is given up; nothing is done where the same was asked
-// for last and nothing was edited since. trz_render_progress tells how far it is. Settings, AOVs and
+// for last and nothing was edited since. What trz_session_destroy interrupts is kept beside the places of
+// its files, as trz_image.partial says. trz_render_progress tells how far it is. Settings, AOVs and
 // the active camera of the session are those of the image that is rendered.
 //
 // Products that cannot be are left out, and a backend that is not there is replaced, with one warning. A
@@ -1858,6 +1902,44 @@ trz_result trz_view_show(struct trz_session *session,
                          const char *aov,
                          struct trz_buffer *buffer);
 
+// Says what trz_view_render would make of a view and its products, for a host that renders and writes
+// each by itself: which share a render, where they are written, and which cannot be, of which one warning
+// tells. Renders are numbered in the order in which trz_view_render makes them. The caller gives the plan
+// back to trz_plan_destroy; the session is not changed.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_OUT_OF_MEMORY,
+// TRZ_ERROR_POISONED. Threads: any.
+trz_result trz_plan_create(struct trz_session *session,
+                           const struct trz_view *view,
+                           const struct trz_product *const *products,
+                           size_t product_count,
+                           struct trz_plan **out);
+
+// Fills out, whose struct_size the caller has set, with what becomes of a product, by its place in the
+// array of trz_plan_create; the number after the last is the host's own image.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT (struct_size), TRZ_ERROR_NOT_FOUND.
+// Threads: any.
+trz_result trz_plan_describe(const struct trz_plan *plan,
+                             size_t product,
+                             struct trz_planned *out);
+
+// Frees a plan. NULL is ignored.
+//
+// Errors: none. Threads: any, but no other call on the plan may be running or follow.
+void trz_plan_destroy(struct trz_plan *plan);
+
+// The pixels of a dataWindowNDC (xmin, ymin, xmax, ymax, y up; 0 0 1 1 is the image), as
+// trz_settings.data_window has them: those whose centres are inside. All 0 for the image.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT (the size is not 1 to 65536 pixels, the
+// window cannot be), TRZ_ERROR_NOT_FOUND (it holds no pixel, or more than 65536 across or down).
+// Threads: any.
+trz_result trz_data_window(const float *ndc,
+                           uint32_t width,
+                           uint32_t height,
+                           int32_t *out);
+
 // Fills out, whose struct_size the caller has set, with the size and type of an AOV of the last
 // render that was started.
 //
@@ -1890,7 +1972,7 @@ trz_result trz_render_var_aov(struct trz_session *session,
                               size_t *out_needed);
 
 // Writes AOVs of the last render that was started to a file. A file that was there before is
-// replaced only by a whole one. Everything passed is read before this returns and not kept.
+// replaced only once this one is written to its end. Everything passed is read before this returns and not kept.
 //
 // Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND (no such AOV, or
 // no render yet), TRZ_ERROR_UNSUPPORTED, TRZ_ERROR_IO, TRZ_ERROR_POISONED. Threads: any, also

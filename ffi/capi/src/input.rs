@@ -42,7 +42,7 @@ macro_rules! versioned {
 versioned! {
     trz_topology trz_points trz_primvar trz_instancer trz_curves trz_grids trz_implicit
     trz_nurbs_patch trz_nurbs_curves trz_camera trz_settings trz_progress trz_statistics
-    trz_aov_desc trz_image trz_device trz_setting trz_view trz_product trz_path trz_buffer
+    trz_aov_desc trz_image trz_device trz_setting trz_view trz_product trz_planned trz_path trz_buffer
 }
 
 /// The size that a versioned struct says it has, checked.

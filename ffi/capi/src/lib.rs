@@ -5,7 +5,7 @@
 //! crate but checking, copying and translating.
 //!
 //! Layers: `constants` and `types` are what the header shows; `session`, `scene`, `instancer`, `path`,
-//! `words`, `setting`, `frame_name`, `render`, `view` and `output` hold the exported functions; `input` reads what callers
+//! `words`, `setting`, `frame_name`, `render`, `view`, `plan` and `output` hold the exported functions; `input` reads what callers
 //! pass, `convert` translates it, `fault` carries failures and catches panics.
 //!
 //! From Rust the same functions can be called directly; what the header demands of pointers is
@@ -25,6 +25,7 @@ mod input;
 pub mod instancer;
 pub mod output;
 pub mod path;
+pub mod plan;
 pub mod render;
 pub mod scene;
 pub mod session;
@@ -43,6 +44,7 @@ pub use frame_name::*;
 pub use instancer::*;
 pub use output::*;
 pub use path::*;
+pub use plan::*;
 pub use render::*;
 pub use scene::*;
 pub use session::*;

@@ -95,7 +95,7 @@ pub unsafe extern "C" fn trz_render_var_aov(
 }
 
 /// Writes AOVs of the last render that was started to a file. A file that was there before is
-/// replaced only by a whole one. Everything passed is read before this returns and not kept.
+/// replaced only once this one is written to its end. Everything passed is read before this returns and not kept.
 ///
 /// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_NOT_FOUND (no such AOV, or
 /// no render yet), TRZ_ERROR_UNSUPPORTED, TRZ_ERROR_IO, TRZ_ERROR_POISONED. Threads: any, also

@@ -669,6 +669,18 @@ pub struct trz_view {
     pub resolution: [i32; 2],
     /// The same of its dataWindowNDC, as a product's; all 0 where that is not known: then all of the image.
     pub data_window: [f32; 4],
+    /// The same of its pixelAspectRatio; 0 where that is not known: then 1.
+    pub pixel_aspect: f32,
+    /// The same of its aspectRatioConformPolicy; NULL where that is not known: then expandAperture.
+    pub conform: *const c_char,
+    /// 1: the view's own image has this resolution, pixel aspect and policy, in place of its settings'.
+    pub shapes_view: u32,
+    /// 1: the same of this data window.
+    pub windows_view: u32,
+    /// Width over height of the film back of the view's camera; 0 where it is not known.
+    pub camera_aspect: f64,
+    /// The file that the host itself writes of the view, which a product may have taken; NULL for none.
+    pub path: *const c_char,
 }
 
 /// A render product (UsdRenderProduct) as authored, and what its image is rendered with. Texts are
@@ -703,8 +715,40 @@ pub struct trz_product {
     pub settings: *const trz_settings,
     /// orderedVars.
     pub vars: *const trz_render_var,
-    /// Number of vars; 0: color is written.
+    /// Number of vars.
     pub var_count: usize,
+    /// How many prims orderedVars names, also such as are no vars. 0, and no vars: color is written.
+    pub var_target_count: usize,
+}
+
+/// What is made of products: which of them share renders, and where they are written. Made by
+/// trz_plan_create.
+pub struct trz_plan {
+    pub(crate) files: Vec<crate::plan::PlannedFile>,
+}
+
+/// What becomes of a product, or of the host's own image. Pointers are the plan's, valid as long as it is.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct trz_planned {
+    /// sizeof(trz_planned).
+    pub struct_size: u32,
+    /// TRZ_OK. Or why it is not written: TRZ_ERROR_UNSUPPORTED, no such thing is (its productType);
+    /// TRZ_ERROR_INVALID_ARGUMENT, what it asks for cannot be; TRZ_ERROR_IO, its file cannot be written.
+    /// Then all below is 0, but for why.
+    pub result: trz_result,
+    /// The reason, of which a message has told; empty where it is written.
+    pub why: *const c_char,
+    /// Its file; empty for the host's own image.
+    pub path: *const c_char,
+    /// Number of its render, which those that agree in camera and settings share.
+    pub render: u32,
+    /// Number of names.
+    pub aov_count: u32,
+    /// Names of the AOVs of that render.
+    pub aovs: *const *const c_char,
+    /// Settings of that render, with the shape of the image.
+    pub settings: *const trz_settings,
 }
 
 /// A host's own buffer for an AOV, and what it shows. A host sets what it is like, and all fields below
@@ -940,6 +984,9 @@ pub struct trz_image {
     pub vars: *const trz_render_var,
     /// Number of render vars; 0: aovs says what is written.
     pub var_count: usize,
+    /// 1: what an interrupted render had; goes to name.partial.exr beside name.exr, which stays, with
+    /// hdtrapeze/complete false.
+    pub partial: u32,
 }
 
 /// A ray at one instant, world space.

@@ -13,7 +13,8 @@ use crate::{convert, input};
 /// is queued, and renders one image after the other, each from the first sample. Those that agree in
 /// camera and settings are one. Products are written when their samples were taken, then the view is
 /// rendered, which AOVs can be read of. What runs is given up; nothing is done where the same was asked
-/// for last and nothing was edited since. trz_render_progress tells how far it is. Settings, AOVs and
+/// for last and nothing was edited since. What trz_session_destroy interrupts is kept beside the places of
+/// its files, as trz_image.partial says. trz_render_progress tells how far it is. Settings, AOVs and
 /// the active camera of the session are those of the image that is rendered.
 ///
 /// Products that cannot be are left out, and a backend that is not there is replaced, with one warning. A
@@ -35,7 +36,7 @@ pub unsafe extern "C" fn trz_view_render(
             let session = &handle.session;
             let products = input::slice(products, product_count, "products")?;
             let request = convert::request(session, &input::read(view, "view")?, products)?;
-            Ok(handle.render_loop.render(session.plan(&request))?)
+            Ok(handle.render_loop.render(session.plan(&request).jobs)?)
         })
     }
 }

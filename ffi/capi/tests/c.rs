@@ -132,11 +132,15 @@ fn all_layouts() -> Layouts {
         }
         trz_value { kind, integer, numbers, text }
         trz_setting { struct_size, of_prims, name, label, fallback, kind, range, words, doc }
-        trz_view { struct_size, aov_count, camera, settings, aovs, frame, settings_path, resolution, data_window }
+        trz_view {
+            struct_size, aov_count, camera, settings, aovs, frame, settings_path, resolution, data_window,
+            pixel_aspect, conform, shapes_view, windows_view, camera_aspect, path,
+        }
         trz_product {
             struct_size, pixel_aspect, path, r#type, name, camera, camera_path, camera_aspect, resolution,
-            data_window, conform, settings, vars, var_count,
+            data_window, conform, settings, vars, var_count, var_target_count,
         }
+        trz_planned { struct_size, result, why, path, render, aov_count, aovs, settings }
         trz_buffer {
             struct_size, width, height, component, components, bottom_up, origin, clear, clear_type,
             clear_count, data, bytes, filled, samples, render, ended,
@@ -159,7 +163,7 @@ fn all_layouts() -> Layouts {
         trz_aov_desc { struct_size, width, height, components, format, origin_x, origin_y }
         trz_image {
             struct_size, r#type, pixel_type, compression, color, aovs, aov_count, metadata,
-            metadata_count, vars, var_count,
+            metadata_count, vars, var_count, partial,
         }
         trz_render_var {
             path, source_name, source_type, data_type, format, name, channel_prefix,
@@ -181,7 +185,7 @@ fn structs_have_one_layout() {
         })
     {
         let name = rest.split([' ', ';']).next().unwrap_or_default();
-        let opaque = name == "trz_session";
+        let opaque = ["trz_session", "trz_plan"].contains(&name);
         assert!(
             opaque || layouts.rust.contains(&format!("{name} ")),
             "{name} is not compared"

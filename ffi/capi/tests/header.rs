@@ -4,7 +4,7 @@
 
 use std::path::Path;
 
-const SOURCES: [&str; 13] = [
+const SOURCES: [&str; 14] = [
     "constants",
     "types",
     "session",
@@ -16,6 +16,7 @@ const SOURCES: [&str; 13] = [
     "words",
     "render",
     "view",
+    "plan",
     "output",
     "device",
 ];

@@ -12,7 +12,7 @@ use hdtrapeze_delegate::{AovShape, Edits, Progress, State, Statistics};
 use super::{pick, refuse};
 use crate::constants::*;
 use crate::fault::Fault;
-use crate::input::{check_slice, slice, text, text_or_empty, texts};
+use crate::input::{check_slice, flag, slice, text, text_or_empty, texts};
 use crate::types::*;
 
 pub(crate) fn progress_to_c(
@@ -140,6 +140,7 @@ pub(crate) unsafe fn image(from: &trz_image) -> Result<ImageOptions, Fault> {
             .iter()
             .map(|[name, value]| (name.clone(), value.clone()))
             .collect(),
+        partial: flag(from.partial, "partial")?,
     })
 }
 

@@ -3,7 +3,7 @@
 use hdtrapeze_core::scene::{PrimId, RenderSettings};
 use hdtrapeze_delegate::Session;
 use hdtrapeze_delegate::buffer::{Component, Layout};
-use hdtrapeze_delegate::plan::{Product, Request};
+use hdtrapeze_delegate::plan::{Product, Request, Shape};
 use hdtrapeze_delegate::render_loop::View;
 
 use super::primvar::numbers;
@@ -32,10 +32,18 @@ pub(crate) unsafe fn request(
                 camera: camera(from.camera),
                 settings: RenderSettings { aovs, ..settings },
             },
+            camera_aspect: from.camera_aspect,
+            path: text_or_empty(from.path, "path")?,
             frame: Some(from.frame).filter(|frame| frame.is_finite()),
             settings_path: text_or_empty(from.settings_path, "settings_path")?,
-            resolution: from.resolution,
-            data_window: from.data_window,
+            shape: Shape {
+                resolution: from.resolution,
+                pixel_aspect: from.pixel_aspect,
+                conform: text_or_empty(from.conform, "conform")?,
+                data_window: from.data_window,
+            },
+            shapes_view: flag(from.shapes_view, "shapes_view")?,
+            windows_view: flag(from.windows_view, "windows_view")?,
             products: products?,
         })
     }
@@ -53,13 +61,16 @@ unsafe fn product(session: &Session, from: &trz_product) -> Result<Product, Faul
             camera: camera(from.camera),
             camera_path: text_or_empty(from.camera_path, "camera_path")?,
             camera_aspect: from.camera_aspect,
-            resolution: from.resolution,
-            pixel_aspect: from.pixel_aspect,
-            conform: text_or_empty(from.conform, "conform")?,
-            data_window: from.data_window,
+            shape: Shape {
+                resolution: from.resolution,
+                pixel_aspect: from.pixel_aspect,
+                conform: text_or_empty(from.conform, "conform")?,
+                data_window: from.data_window,
+            },
             settings,
             exr: exr(authored.pixel_type, authored.compression)?,
             vars: render_vars(from.vars, from.var_count)?,
+            var_targets: from.var_target_count,
         })
     }
 }

@@ -33,6 +33,7 @@ fn image(kind: u32) -> trz_image {
         metadata_count: 0,
         vars: null(),
         var_count: 0,
+        partial: 0,
     }
 }
 

@@ -12,6 +12,7 @@ mod motion;
 mod nulls;
 mod panics;
 mod paths;
+mod plans;
 mod rays;
 mod settings;
 mod shapes;

@@ -65,6 +65,7 @@ fn null_session() {
         trz_render_progress(s, null_mut());
         trz_view_render(s, null(), null(), 0);
         trz_view_show(s, c"color".as_ptr(), null_mut());
+        trz_plan_create(s, null(), null(), 0, null_mut());
         trz_view_stop(s, 0);
         trz_view_resume(s);
         trz_statistics_get(s, null_mut());
@@ -277,6 +278,7 @@ fn null_arguments() {
         metadata_count: 0,
         vars: null(),
         var_count: 0,
+        partial: 0,
     };
     let no_vars = trz_image {
         aov_count: 0,
@@ -331,6 +333,7 @@ fn null_arguments() {
         ..path
     };
     let (at, keep) = (&mut 0.0, &mut [0; 2]);
+    let (mut plan, mut window) = (null_mut(), [0; 4]);
     null_pointer! {
         trz_path_next(null(), at, 1, &mut 0, keep.as_mut_ptr());
         trz_path_next(&no_path_times, at, 1, &mut 0, keep.as_mut_ptr());
@@ -350,6 +353,12 @@ fn null_arguments() {
         trz_view_show(s, name, &mut no_data);
         trz_view_show(s, name, &mut no_clear);
         trz_setting_describe(0, null_mut());
+        trz_plan_create(s, null(), null(), 0, &mut plan);
+        trz_plan_create(s, &view(&settings_default(), &[]), null(), 1, &mut plan);
+        trz_plan_create(s, &view(&settings_default(), &[]), null(), 0, null_mut());
+        trz_plan_describe(null(), 0, &mut planned());
+        trz_data_window(null(), 1, 1, window.as_mut_ptr());
+        trz_data_window([0.0f32; 4].as_ptr(), 1, 1, null_mut());
         trz_frame_name(null(), 1.0, null_mut(), 0, &mut 0);
         trz_frame_name(name, 1.0, null_mut(), 9, &mut 0);
         trz_frame_name(name, 1.0, null_mut(), 0, null_mut());

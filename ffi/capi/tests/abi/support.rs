@@ -437,6 +437,12 @@ pub fn view(settings: &trz_settings, aovs: &[*const c_char]) -> trz_view {
         settings_path: null(),
         resolution: [0; 2],
         data_window: [0.0; 4],
+        pixel_aspect: 0.0,
+        conform: null(),
+        shapes_view: 0,
+        windows_view: 0,
+        camera_aspect: 0.0,
+        path: null(),
     }
 }
 
@@ -479,6 +485,20 @@ pub fn product(path: *const c_char, settings: &trz_settings) -> trz_product {
         settings,
         vars: null(),
         var_count: 0,
+        var_target_count: 0,
+    }
+}
+
+pub fn planned() -> trz_planned {
+    trz_planned {
+        struct_size: size_of::<trz_planned>() as u32,
+        result: TRZ_OK,
+        why: null(),
+        path: null(),
+        render: 0,
+        aov_count: 0,
+        aovs: null(),
+        settings: null(),
     }
 }
 

@@ -388,8 +388,10 @@ fn a_host_that_goes_is_told_of_its_files_once() {
     let received = Received::default();
     listen(&session, &received, TRZ_LOG_INFO);
     let settings = small_settings(1 << 20);
+    let folder = Folder::new("interrupted");
+    let name = c_string(folder.0.join("never.exr").to_str().unwrap());
     let product = trz_product {
-        name: c"never.png".as_ptr(),
+        name: name.as_ptr(),
         camera,
         ..product(c"/product".as_ptr(), &settings)
     };
@@ -405,6 +407,12 @@ fn a_host_that_goes_is_told_of_its_files_once() {
         told,
         ["the host is gone before all its products are written"]
     );
+    // What it had is kept, and is not taken for the whole.
+    let names: Vec<_> = std::fs::read_dir(&folder.0).unwrap().collect();
+    assert_eq!(names.len(), 1, "{names:?}");
+    let kept = std::fs::read(folder.0.join("never.partial.exr")).unwrap();
+    let fact = b"hdtrapeze/complete\0string\0\x05\0\0\0false";
+    assert!(kept.windows(fact.len()).any(|part| part == fact));
 }
 
 #[test]
