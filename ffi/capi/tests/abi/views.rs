@@ -291,7 +291,7 @@ fn products_are_written_and_those_that_cannot_be_are_told() {
             "resolution is (0, 8), which cannot be: the image width must be from 1 to 65536 pixels; the \
              render settings' is used",
         ),
-        ("/folder", "folder.exr cannot be written: "),
+        ("/folder", "folder.exr is a folder; it is not written"),
         (
             "/jpg",
             "must be one that ends in .exr or .png; it is not written",
