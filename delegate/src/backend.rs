@@ -1,5 +1,6 @@
 //! The backend of a render: the CPU, or a GPU that is opened once for the process.
 
+use std::ffi::OsStr;
 use std::sync::{Arc, Mutex, OnceLock};
 
 use hdtrapeze_core::scene::Backend;
@@ -29,8 +30,12 @@ pub fn cpu(asked: Backend) -> String {
 /// # Errors
 /// It names no stage.
 pub fn gpu_options() -> Result<FrameOptions, Error> {
+    options_of(std::env::var_os(FIRST_ON_GPU).as_deref())
+}
+
+fn options_of(first: Option<&OsStr>) -> Result<FrameOptions, Error> {
     let mut options = FrameOptions::default();
-    if let Some(name) = std::env::var_os(FIRST_ON_GPU).filter(|name| !name.is_empty()) {
+    if let Some(name) = first.filter(|name| !name.is_empty()) {
         let named = name.to_str().and_then(FirstOnDevice::named);
         options.first = named.ok_or_else(|| {
             let all = FirstOnDevice::ALL.map(FirstOnDevice::name).join(", ");
@@ -63,4 +68,25 @@ pub fn open(backend: Backend) -> Result<Option<Arc<Stages>>, Error> {
     let stages = Arc::new(Stages::new(&Arc::new(device)));
     *open = Some(Arc::clone(&stages));
     Ok(Some(stages))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_stage_goes_by_its_name() {
+        let first = |name: &str| options_of(Some(OsStr::new(name))).map(|options| options.first);
+        assert_eq!(first("trace").unwrap(), FirstOnDevice::Trace);
+        assert_eq!(first("").unwrap(), FirstOnDevice::Bound);
+        assert_eq!(options_of(None).unwrap().first, FirstOnDevice::Bound);
+        let refused = first("cook").unwrap_err().to_string();
+        assert!(refused.contains("none of bound, build, instances"));
+    }
+
+    #[test]
+    fn auto_says_why_it_is_the_cpu() {
+        assert!(cpu(Backend::Auto).contains("timed"));
+        assert_eq!(cpu(Backend::Cpu), "cpu");
+    }
 }

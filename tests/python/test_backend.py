@@ -88,6 +88,19 @@ def test_devices_says_what_each_backend_uses():
         assert device.name in found.stdout
 
 
+@needs_device
+def test_a_stage_can_be_the_first_on_the_gpu(tmp_path):
+    path = tmp_path / "scene.usda"
+    stage = busy_stage()
+    stage.GetRootLayer().Export(str(path))
+    arguments = ("record", "--imageWidth", "16", "--samples", "1", "--aov", "color", "--explain")
+    arguments += ("--backend", "gpu", str(path), str(tmp_path / "out.exr"))
+    told = command(*arguments, HDTRAPEZE_FIRST_ON_GPU="trace")
+    assert told.returncode == 0 and "from the stage trace on" in told.stdout + told.stderr
+    refused = command(*arguments, HDTRAPEZE_FIRST_ON_GPU="cook")
+    assert refused.returncode != 0 and "bound, build, instances" in refused.stderr
+
+
 def test_without_a_driver_it_is_an_error(tmp_path):
     """VK_DRIVER_FILES tells the Vulkan loader which drivers there are."""
     nothing = {"VK_DRIVER_FILES": str(tmp_path / "none.json"), "VK_ICD_FILENAMES": ""}
