@@ -23,6 +23,8 @@ pub enum Code {
     Unsupported,
     /// A limit or budget was reached and the result was coarsened.
     Budget,
+    /// The CPU renders, or goes on with, what a GPU was to render.
+    Backend,
 }
 
 impl Code {
@@ -35,6 +37,7 @@ impl Code {
             Code::TimeSamples => "time-samples",
             Code::Unsupported => "unsupported",
             Code::Budget => "budget",
+            Code::Backend => "backend",
         }
     }
 }

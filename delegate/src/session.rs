@@ -15,8 +15,8 @@ use hdtrapeze_core::diagnostics::{Code, Warning};
 use hdtrapeze_core::dump::dump;
 use hdtrapeze_core::memory;
 use hdtrapeze_core::render::{
-    Elsewhere, Frame, Prepared, RenderControl, RenderStatistics, WorldHit, WorldRay, prepare_with,
-    render_with,
+    Elsewhere, Frame, Prepared, RayTracer, RenderControl, RenderStatistics, WorldHit, WorldRay,
+    prepare_with, render_with,
 };
 use hdtrapeze_core::scene::{PrimId, RenderSettings, Scene};
 use hdtrapeze_core::surface::SubdivisionFactory;
@@ -606,7 +606,7 @@ impl Session {
             Ok(gpu) => Ok(Some(Arc::new(gpu))),
             Err(error) => {
                 let text = format!("{error}; the CPU renders");
-                self.warn(&[Warning::new("", Code::Unsupported, text)]);
+                self.warn(&[Warning::new("", Code::Backend, text)]);
                 Ok(None)
             }
         }
@@ -649,7 +649,8 @@ impl Session {
         let shared = self.shared.clone();
         let run = move || {
             with_default(&shared.dispatch, || {
-                render_all(&shared, &pool, &prepared, gpu.as_deref(), &frame, &cancel);
+                let gpu = gpu.as_deref().map(|gpu| gpu as &dyn RayTracer);
+                render_all(&shared, &pool, &prepared, gpu, &frame, &cancel);
             });
         };
         let spawned = Builder::new()
@@ -676,11 +677,11 @@ fn render_all(
     shared: &Shared,
     pool: &Pool,
     prepared: &Prepared,
-    gpu: Option<&GpuFrame>,
+    gpu: Option<&dyn RayTracer>,
     frame: &Frame,
     cancel: &AtomicBool,
 ) {
-    let elsewhere = gpu.map(|gpu| Elsewhere::new(gpu));
+    let elsewhere = gpu.map(Elsewhere::new);
     let work = || {
         let control = RenderControl {
             cancel,
@@ -711,9 +712,7 @@ fn render_all(
     }
     if let Some(why) = elsewhere.as_ref().and_then(Elsewhere::fault) {
         let text = format!("{why}; the CPU went on from the samples that there were");
-        shared
-            .log
-            .warn_once(&Warning::new("", Code::Unsupported, text));
+        shared.log.warn_once(&Warning::new("", Code::Backend, text));
     }
     for warning in prepared.late_warnings() {
         shared.log.warn_once(&warning);
@@ -742,8 +741,13 @@ fn render_all(
 mod tests {
     use std::sync::atomic::AtomicU32;
 
+    use std::ops::RangeInclusive;
+
     use glam::Vec3;
+    use hdtrapeze_core::film::tile::PixelSums;
+    use hdtrapeze_core::render::{Made, Stage, TileSamples};
     use hdtrapeze_core::surface::{Channel, LimitSurface, MeshTopology, SurfaceError};
+    use hdtrapeze_core::trace::{Hit, Ray};
 
     use super::*;
 
@@ -758,6 +762,49 @@ mod tests {
         ) -> Result<Box<dyn LimitSurface>, SurfaceError> {
             Err(SurfaceError::Library("not needed here".to_owned()))
         }
+    }
+
+    /// A device that is lost at once.
+    struct Lost;
+
+    impl RayTracer for Lost {
+        fn stages(&self) -> RangeInclusive<Stage> {
+            Stage::Generate..=Stage::Trace
+        }
+        fn trace_tiles(&self, _: &[TileSamples], _: &mut [Hit]) -> Result<(), String> {
+            Err("it is lost".to_owned())
+        }
+        fn film(&self, _: &[TileSamples], _: &Made, _: &mut [PixelSums]) -> Result<(), String> {
+            Err("it is lost".to_owned())
+        }
+        fn trace(&self, _: &[Ray], _: &mut [Hit]) -> Result<(), String> {
+            Err("it is lost".to_owned())
+        }
+    }
+
+    #[test]
+    fn a_device_that_is_lost_is_told_and_all_samples_are_taken() {
+        let session = Session::new(Box::new(NoSubdivision));
+        let told = Arc::new(Mutex::new(Vec::new()));
+        let log = Arc::clone(&told);
+        let log: LogFn = Box::new(move |_, prim, code, text| {
+            lock(&log).push([prim, code, text].map(str::to_owned));
+        });
+        session.set_log(Some(log), Level::WARN).unwrap();
+        let camera = session.create(Kind::Camera, "/camera").unwrap();
+        session.set_active_camera(Some(camera)).unwrap();
+        session.commit().unwrap();
+        lock(&told).clear();
+        let Committed { prepared, pool, .. } = session.committed().unwrap();
+        let frame = new_frame(&prepared).unwrap();
+        let cancel = AtomicBool::new(false);
+        with_default(&session.shared.dispatch, || {
+            let shared = &session.shared;
+            render_all(shared, &pool, &prepared, Some(&Lost), &frame, &cancel);
+        });
+        assert_eq!(frame.samples_done(), prepared.settings().samples);
+        let text = "it is lost; the CPU went on from the samples that there were";
+        assert_eq!(*lock(&told), [["", "backend", text].map(str::to_owned)]);
     }
 
     #[test]

@@ -101,6 +101,26 @@ def test_a_stage_can_be_the_first_on_the_gpu(tmp_path):
     assert refused.returncode != 0 and "bound, build, instances" in refused.stderr
 
 
+@needs_device
+def test_a_command_whose_gpu_did_not_render_all_writes_it_and_ends_with_an_error(tmp_path):
+    path = tmp_path / "scene.usda"
+    stage = busy_stage()
+    stage.GetRootLayer().Export(str(path))
+    out = tmp_path / "out.png"
+    small = ("record", "--imageWidth", "16", "--samples", "1", str(path), str(out))
+    for quiet, lines in (((), 2), (("--quiet",), 1)):
+        ended = command(*small, "--cull", "back", "--backend", "gpu", *quiet)
+        # Drivers have their own lines.
+        told = [line for line in ended.stderr.splitlines() if "culled" in line]
+        assert ended.returncode == 1 and out.exists() and len(told) == lines
+        assert told[-1].startswith("error: The GPU did not render all")
+        out.unlink()
+    for arguments in (("--cull", "back", "--backend", "auto"), ("--backend", "gpu")):
+        ended = command(*small, *arguments)
+        assert ended.returncode == 0 and "The GPU" not in ended.stderr and out.exists()
+        out.unlink()
+
+
 def test_without_a_driver_it_is_an_error(tmp_path):
     """VK_DRIVER_FILES tells the Vulkan loader which drivers there are."""
     nothing = {"VK_DRIVER_FILES": str(tmp_path / "none.json"), "VK_ICD_FILENAMES": ""}

@@ -29,7 +29,8 @@ PRECEDENCE = """who decides, first to last:
 
 EXIT_CODES = f"""exit codes:
   {errors.EXIT_OK}    every frame and product was written
-  {errors.EXIT_RENDER}    the scene cannot be rendered as asked, or the renderer failed
+  {errors.EXIT_RENDER}    the scene cannot be rendered as asked, or the renderer failed;
+       --backend gpu where the CPU rendered all or the rest (the image is written)
   {errors.EXIT_USAGE}    the command is wrong
   {errors.EXIT_IO}    a file is missing, cannot be read or cannot be written
   {errors.EXIT_INTERRUPTED}  interrupted (Ctrl-C)

@@ -23,6 +23,9 @@ from .stage import Diagnostics, open_stage
 from .tracefile import Trace
 from .unwritten import Unwritten
 
+FALLBACK = "backend"
+"""The code of the library's warning that the CPU renders what a GPU was to, or the rest of it."""
+
 
 def record(args) -> None:
     """Runs the command with parsed arguments; raises HdTrapezeError."""
@@ -82,8 +85,17 @@ def _record(args, trace: Trace) -> None:
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         unit = 1 if sys.platform == "darwin" else 1024
         print(f"Peak memory: {peak * unit / 2**20:.0f} MiB")
-    if error := command.unwritten.error():
+    fallback = _fallback(log) if request.options.backend == "gpu" else None
+    if error := command.unwritten.error() or fallback:
         raise error
+
+
+def _fallback(log: SceneLog) -> SceneError | None:
+    """What the command ends with, once all is written, where the CPU rendered for the GPU."""
+    why = [text for _, code, text in log.warnings if code == FALLBACK]
+    if not why:
+        return None
+    return SceneError(f"The GPU did not render all that it was asked for: {why[0]}.")
 
 
 def _record_frames(command: _Command, renderer: Renderer, frames: list[float | None]) -> None:
