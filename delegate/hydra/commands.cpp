@@ -7,34 +7,18 @@
 #include "pxr/base/tf/staticTokens.h"
 #include "pxr/base/tf/stringUtils.h"
 
-#include <fstream>
-#include <vector>
-
 PXR_NAMESPACE_OPEN_SCOPE
 
 namespace {
 
 TF_DEFINE_PRIVATE_TOKENS(_tokens, (dumpScene)(saveImage)(path));
 
-bool _DumpScene(trz_session* session, std::string const& path) {
-    // The scene may grow between the calls.
-    size_t needed = 0;
-    std::vector<char> text;
-    trz_result result;
-    do {
-        text.resize(needed);
-        result = trz_scene_dump(session, text.data(), text.size(), &needed);
-    } while (needed > text.size() && (result == TRZ_OK || result == TRZ_ERROR_BUFFER_TOO_SMALL));
+// Whether a call was a success; otherwise warns.
+bool _IsDone(trz_result result) {
     if (result != TRZ_OK) {
         TF_WARN("Trapeze: %s (%s)", trz_last_error(), trz_result_name(result));
-        return false;
     }
-    std::ofstream file(path, std::ios::binary);
-    file << text.data() << std::flush;
-    if (!file) {
-        TF_WARN("Trapeze: %s cannot be written", path.c_str());
-    }
-    return bool(file);
+    return result == TRZ_OK;
 }
 
 bool _SaveImage(trz_session* session, std::string const& path) {
@@ -46,11 +30,7 @@ bool _SaveImage(trz_session* session, std::string const& path) {
     image.type = TRZ_IMAGE_EXR;
     image.pixel_type = TRZ_PIXEL_FLOAT;
     image.compression = TRZ_COMPRESSION_ZIP;
-    trz_result const result = trz_image_write(session, path.c_str(), &image);
-    if (result != TRZ_OK) {
-        TF_WARN("Trapeze: %s (%s)", trz_last_error(), trz_result_name(result));
-    }
-    return result == TRZ_OK;
+    return _IsDone(trz_image_write(session, path.c_str(), &image));
 }
 
 } // namespace
@@ -72,7 +52,7 @@ bool HdTrapezeRunCommand(trz_session* session, TfToken const& command, HdCommand
         return false;
     }
     if (command == _tokens->dumpScene) {
-        return _DumpScene(session, path);
+        return _IsDone(trz_scene_write(session, path.c_str()));
     }
     if (command == _tokens->saveImage) {
         return _SaveImage(session, path);

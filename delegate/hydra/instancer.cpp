@@ -33,32 +33,6 @@ template <class T> bool _MakeQuaternions(VtValue* value) {
     return true;
 }
 
-// Turning instances do not go through the frame's own matrices on the line between the samples
-// around it: then those are a sample more. True where all go straight there.
-bool _AddFrame(HdSceneDelegate* delegate, SdfPath const& id, HdTrapezeSamples<VtValue>* matrices) {
-    auto& [times, values] = *matrices;
-    size_t const slot = HdTrapezeFrameSlot(times);
-    if (slot == 0) {
-        return false;
-    }
-    VtValue const value = delegate->Get(id, HdInstancerTokens->instanceTransforms);
-    auto const now = value.GetWithDefault<VtMatrix4dArray>();
-    auto const first = values[slot - 1].GetWithDefault<VtMatrix4dArray>();
-    auto const last = values[slot].GetWithDefault<VtMatrix4dArray>();
-    if (now.size() != first.size() || now.size() != last.size()) {
-        return false;
-    }
-    double const part = -times[slot - 1] / (times[slot] - times[slot - 1]);
-    for (size_t i = 0; i < now.size(); ++i) {
-        if (!HdTrapezeIsSame(first[i] + part * (last[i] - first[i]), now[i])) {
-            times.insert(times.begin() + slot, 0.0);
-            values.insert(values.begin() + slot, value);
-            return false;
-        }
-    }
-    return true;
-}
-
 // Instances that are prims of their own may move though hosts give their matrices at the frame
 // alone: then those of the prims, where they are the same at the frame. True where there are any.
 bool _AddMotion(HdSceneDelegate* delegate, SdfPath const& id, GfInterval const& shutter,
@@ -167,8 +141,11 @@ void HdTrapezeInstancer::_SyncPlaces(HdTrapezeSyncing const& instancer) {
     auto const matrices = _places.find(HdInstancerTokens->instanceTransforms);
     if (matrices != _places.end()) {
         bool const evaluated = _AddMotion(delegate, id, shutter, &matrices->second);
-        bool const straight = _AddFrame(delegate, id, &matrices->second);
-        _matricesTurn = !evaluated && !straight;
+        bool const framed = HdTrapezeAddFrame(&matrices->second, [&] {
+            return delegate->Get(id, HdInstancerTokens->instanceTransforms);
+        });
+        // What is evaluated has the frames of its prims among its samples.
+        _matricesTurn = evaluated ? 2 : framed ? 3 : 1;
     }
     for (VtValue& value : _places[HdInstancerTokens->instanceRotations].values) {
         _MakeQuaternions<GfQuath>(&value) || _MakeQuaternions<GfQuatd>(&value) ||

@@ -51,8 +51,8 @@ private:
     trz_id _id = 0;
     /// What says where instances are.
     std::map<TfToken, HdTrapezeSamples<VtValue>> _places;
-    /// Between samples, instanceTransforms go along arcs; see HdTrapezeTransform.
-    bool _matricesTurn = false;
+    /// How instanceTransforms go between samples; see turns of HdTrapezeTransform.
+    uint32_t _matricesTurn = 0;
     HdTrapezeMotion _motion;
     HdTrapezePrimvars _primvars;
 

@@ -52,24 +52,6 @@ void _AddHeldTimes(HdSceneDelegate* delegate, SdfPath const& computation, GfInte
 
 } // namespace
 
-size_t HdTrapezeFrameSlot(std::vector<double> const& times) {
-    auto const slot = std::lower_bound(times.begin(), times.end(), 0.0);
-    return slot == times.end() || *slot == 0.0 ? 0 : slot - times.begin();
-}
-
-bool HdTrapezeIsSame(GfMatrix4d const& a, GfMatrix4d const& b) {
-    double error[2] = {};
-    double size[2] = {};
-    for (int row = 0; row < 4; ++row) {
-        for (int column = 0; column < 3; ++column) {
-            int const part = row == 3; // translation
-            error[part] = std::max(error[part], std::abs(a[row][column] - b[row][column]));
-            size[part] = std::max(size[part], std::abs(b[row][column]));
-        }
-    }
-    return error[0] <= 1e-6 * size[0] && error[1] <= 1e-6 * size[1];
-}
-
 // Hosts give transforms where something is authored and at the shutter's ends. Where one turns,
 // more samples follow it, or else the renderer turns it. The frame's own may still lie off the line
 // between two of them: it is a sample, too, since a still image shows it.
@@ -85,15 +67,7 @@ HdTrapezeTransform HdTrapezeSampleTransform(HdSceneDelegate* delegate, SdfPath c
     };
     HdTrapezeTransform samples{HdTrapezeSorted(given, plain)};
     samples.turns = !HdTrapezeAddArcs(delegate, id, shutter, &samples) && samples.times.size() > 1;
-    if (size_t const slot = HdTrapezeFrameSlot(samples.times)) {
-        GfMatrix4d const now = plain();
-        if (HdTrapezeIsSame(HdTrapezeAt(samples, 0.0, now), now)) {
-            samples.turns = false; // USD takes authored matrices along lines
-        } else {
-            samples.times.insert(samples.times.begin() + slot, 0.0);
-            samples.values.insert(samples.values.begin() + slot, now);
-        }
-    }
+    samples.turns |= HdTrapezeAddFrame(&samples, plain) ? 2 : 0;
     return samples;
 }
 

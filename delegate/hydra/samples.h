@@ -27,9 +27,9 @@ template <class T> struct HdTrapezeSamples {
 
 /// Matrices of a transform over time.
 struct HdTrapezeTransform : HdTrapezeSamples<GfMatrix4d> {
-    /// Between samples, it goes along arcs: the host cannot tell how, and nothing shows that it
-    /// goes straight.
-    bool turns = false;
+    /// As the C ABI's: 1 where between samples it goes along arcs, since the host cannot tell how;
+    /// and 2 where the sample at the frame shows whether it does.
+    uint32_t turns = 0;
 };
 
 /// Sorts what a scene delegate gave. At the default time, some give times that are no numbers, with
@@ -93,13 +93,17 @@ template <class T> std::vector<double> HdTrapezeTimes(std::vector<T> const& trac
     return {times.begin(), times.end()};
 }
 
-/// Where a sample at the frame belongs among those around it; 0 where there is one, or nothing to
-/// lie between.
-size_t HdTrapezeFrameSlot(std::vector<double> const& times);
-
-/// Whether two transforms are the same but for rounding: to a millionth of the largest number of
-/// the linear part, and of the translation.
-bool HdTrapezeIsSame(GfMatrix4d const& a, GfMatrix4d const& b);
+/// Adds the frame's own value where samples lie around it, and none at it; true then.
+template <class T, class F> bool HdTrapezeAddFrame(HdTrapezeSamples<T>* samples, F&& plain) {
+    auto& times = samples->times;
+    auto const after = std::lower_bound(times.begin(), times.end(), 0.0);
+    if (after == times.begin() || after == times.end() || *after == 0.0) {
+        return false;
+    }
+    samples->values.insert(samples->values.begin() + (after - times.begin()), plain());
+    times.insert(after, 0.0);
+    return true;
+}
 
 /// The transform of a prim or of an instancer, to the space of the prototype that it is part of or
 /// to the world.

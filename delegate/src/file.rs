@@ -8,8 +8,8 @@ use hdtrapeze_core::scene::{CameraDesc, RenderSettings};
 
 use crate::error::Error;
 use crate::image::{
-    ChannelData, ExrOptions, Image, ImageError, Layer, PngColor, PngOptions, Precision, write_exr,
-    write_png,
+    ChannelData, ExrOptions, Image, ImageError, Layer, PngColor, PngOptions, Precision,
+    write_bytes, write_exr, write_png,
 };
 use crate::product::{self, RenderVar};
 
@@ -239,10 +239,19 @@ pub(crate) fn write(path: &Path, image: &Image, options: &ImageOptions) -> Resul
             write_png(path, image, &PngOptions { color, layer: None })
         }
     };
-    written.map_err(|error| match error {
+    written.map_err(error)
+}
+
+/// The same of a text.
+pub(crate) fn write_text(path: &Path, text: &str) -> Result<(), Error> {
+    write_bytes(path, text.as_bytes()).map_err(error)
+}
+
+fn error(error: ImageError) -> Error {
+    match error {
         ImageError::Io { .. } => Error::Io(error.to_string()),
         ImageError::Invalid { .. } => Error::InvalidArgument(error.to_string()),
-    })
+    }
 }
 
 #[cfg(test)]

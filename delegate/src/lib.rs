@@ -26,6 +26,7 @@ pub mod primvar;
 pub mod product;
 pub mod progress;
 pub mod render_loop;
+pub mod samples;
 pub mod session;
 mod status;
 pub mod translate;

@@ -360,6 +360,11 @@ impl Session {
         self.shared.guard(|| dump(&scene))
     }
 
+    /// Writes what [`Session::dump`] gives to a file, which is complete or stays as it was.
+    pub fn write_dump(&self, path: &Path) -> Result<(), Error> {
+        file::write_text(path, &self.dump()?)
+    }
+
     /// The nearest hit of each ray in the committed scene.
     pub fn trace(&self, rays: &[WorldRay]) -> Result<Vec<WorldHit>, Error> {
         self.shared.check()?;

@@ -17,6 +17,7 @@ mod tests;
 pub use error::ImageError;
 pub use exr_file::{ExrCompression, ExrOptions, ExrPixelType, write_exr};
 pub use png_file::{PngColor, PngOptions, write_png};
+pub(crate) use replace::write_bytes;
 
 /// Pixels of one channel, rows from the top down.
 #[derive(Clone, Debug, PartialEq)]

@@ -34,6 +34,11 @@ fn resolve(path: &Path) -> Result<PathBuf, ImageError> {
     }
 }
 
+/// Replaces the file with one of these bytes.
+pub(crate) fn write_bytes(path: &Path, bytes: &[u8]) -> Result<(), ImageError> {
+    replace_file(path, |file| Ok(file.write_all(bytes)?))
+}
+
 /// Lets `encode` write the new contents of `path`, then puts them in place.
 pub(super) fn replace_file(
     path: &Path,
@@ -77,7 +82,7 @@ pub(super) fn replace_file(
     // Without its buffer: after a failure, dropping it must not write again.
     let (_, _) = writer.into_parts();
     written.map_err(|error| match error {
-        EncodeError::Io(source) => io("write the image", source),
+        EncodeError::Io(source) => io("write the file", source),
         EncodeError::Invalid(reason) => ImageError::invalid(path, reason),
     })?;
     if let Ok(meta) = fs::metadata(&target) {
@@ -89,9 +94,9 @@ pub(super) fn replace_file(
     temporary
         .as_file()
         .sync_all()
-        .map_err(|e| io("flush the image to the disk", e))?;
+        .map_err(|e| io("flush the file to the disk", e))?;
     temporary
         .persist(&target)
-        .map_err(|e| io("rename the finished image", e.error))?;
+        .map_err(|e| io("rename the finished file", e.error))?;
     Ok(())
 }

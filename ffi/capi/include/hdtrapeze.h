@@ -741,7 +741,8 @@ typedef struct trz_transform_samples {
   // 1: rotations turn at constant speed about the level's own origin, by less than half a turn from
   // sample to sample (polar decomposition), where the stretch and the place are the same at two samples,
   // or a third between them shows that the place goes linearly. All else is interpolated as with 0.
-  // Cameras always turn.
+  // Cameras always turn. Plus 2: the sample at the frame shows whether they do: where it lies on the line
+  // between the samples before and after it, it is left out, and all is interpolated as with 0.
   uint32_t turns;
 } trz_transform_samples;
 
@@ -1022,6 +1023,10 @@ typedef struct trz_path {
   // Matrices or points at each time.
   size_t element_count;
 } trz_path;
+
+// Evaluates a transform at a time code relative to the frame: writes a matrix, 16 doubles, USD layout.
+// Called on the thread that asks, before the call returns. Must not throw.
+typedef void (*trz_evaluate_fn)(void *user, double time, double *matrix);
 
 // How far a render is.
 typedef struct trz_progress {
@@ -1744,6 +1749,22 @@ trz_result trz_path_next(const struct trz_path *path,
                          size_t *count,
                          uint8_t *keep);
 
+// Samples a transform as trz_path_next has it done, calling `evaluate` with `user` as often as needed: writes
+// at most `capacity` times, ascending, and as many matrices of 16 doubles, and how many to `count`.
+// `start`, ascending, are start_count times, at least 1, where the path may have corners, its ends
+// included. 64 samples, or start_count where that is more, are always enough. A count of 0 says that
+// values are held next to one of these times: then the host knows no path, but samples of one.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_BUFFER_TOO_SMALL. Threads: any.
+trz_result trz_path_sample(const double *start,
+                           size_t start_count,
+                           trz_evaluate_fn evaluate,
+                           void *user,
+                           double *times,
+                           double *matrices,
+                           size_t capacity,
+                           size_t *count);
+
 // The constant that a word stands for as the value of an attribute, by their names in USD. An empty word
 // is USD's fallback; so is one that is not known, which is TRZ_ERROR_NOT_FOUND, with out written.
 // Attributes: subdivisionScheme, interpolateBoundary, faceVaryingLinearInterpolation,
@@ -1858,6 +1879,12 @@ trz_result trz_scene_dump(struct trz_session *session,
                           char *buffer,
                           size_t capacity,
                           size_t *out_needed);
+
+// The same text, to a file. One that was there before is replaced only by a whole one.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_IO, TRZ_ERROR_BUSY,
+// TRZ_ERROR_POISONED. Threads: any; waits for a commit.
+trz_result trz_scene_write(struct trz_session *session, const char *path);
 
 // Has the products and the view rendered on a thread of the session, and returns at once: commits what
 // is queued, and renders one image after the other, each from the first sample. Those that agree in

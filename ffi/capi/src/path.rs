@@ -1,7 +1,11 @@
 //! Samples of paths that hosts can evaluate at any time.
 
-use hdtrapeze_core::motion::follow::{Next, Of, Path};
+use std::ffi::c_void;
 
+use hdtrapeze_core::motion::follow::{Next, Of, Path};
+use hdtrapeze_delegate::samples::sample;
+
+use crate::constants::TRZ_ERROR_BUFFER_TOO_SMALL;
 use crate::convert::pick;
 use crate::fault::{Fault, call};
 use crate::input::{self, slice, times};
@@ -48,6 +52,65 @@ pub unsafe extern "C" fn trz_path_next(
     }
 }
 
+/// Samples a transform as trz_path_next has it done, calling `evaluate` with `user` as often as needed: writes
+/// at most `capacity` times, ascending, and as many matrices of 16 doubles, and how many to `count`.
+/// `start`, ascending, are start_count times, at least 1, where the path may have corners, its ends
+/// included. 64 samples, or start_count where that is more, are always enough. A count of 0 says that
+/// values are held next to one of these times: then the host knows no path, but samples of one.
+///
+/// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_BUFFER_TOO_SMALL. Threads: any.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trz_path_sample(
+    start: *const f64,
+    start_count: usize,
+    evaluate: trz_evaluate_fn,
+    user: *mut c_void,
+    times: *mut f64,
+    matrices: *mut f64,
+    capacity: usize,
+    count: *mut usize,
+) -> trz_result {
+    // SAFETY: the caller passes null or valid pointers, and a function that may be called.
+    unsafe {
+        call(|| {
+            let start = slice(start, start_count, "start")?;
+            let evaluate = evaluate.ok_or_else(|| Fault::null("evaluate"))?;
+            let doubles = input::times(capacity, 16, "matrices")?;
+            let matrices = input::places(matrices, doubles, "matrices")?;
+            let times = input::places(times, capacity, "times")?;
+            let count = input::place(count, "count")?;
+            check_start(start)?;
+            let at = |time| {
+                let mut matrix = [0.0; 16];
+                evaluate(user, time, matrix.as_mut_ptr());
+                matrix
+            };
+            let samples = sample(start, at).unwrap_or_default();
+            if samples.len() > capacity {
+                let text = format!("there are {} samples", samples.len());
+                return Err(Fault::new(TRZ_ERROR_BUFFER_TOO_SMALL, text));
+            }
+            for (i, (time, matrix)) in samples.iter().enumerate() {
+                times[i] = *time;
+                matrices[16 * i..16 * (i + 1)].copy_from_slice(matrix);
+            }
+            *count = samples.len();
+            Ok(())
+        })
+    }
+}
+
+/// Times where a path may have corners.
+fn check_start(start: &[f64]) -> Result<(), Fault> {
+    let ascends = !start.is_empty() && start.windows(2).all(|w| w[0] < w[1]);
+    match ascends && start.iter().all(|t| t.is_finite()) {
+        true => Ok(()),
+        false => Err(Fault::invalid(
+            "times are not finite, or not at least one to start with, ascending",
+        )),
+    }
+}
+
 /// Safety: pointers in the struct are null or as the header says.
 unsafe fn known<'a>(from: &trz_path) -> Result<Path<'a>, Fault> {
     let of = pick(&[Of::Matrices, Of::Points], from.of, "of")?;
@@ -63,11 +126,9 @@ unsafe fn known<'a>(from: &trz_path) -> Result<Path<'a>, Fault> {
             slice(from.values, from.known_count, "values")?,
         )
     };
-    let begin = known.get(..from.start_count);
-    let ascends = |begin: &&[f64]| !begin.is_empty() && begin.windows(2).all(|w| w[0] < w[1]);
-    if begin.filter(ascends).is_none() || !known.iter().all(|t| t.is_finite()) {
-        let text = "times are not finite, or not at least one to start with, ascending";
-        return Err(Fault::invalid(text));
+    check_start(known.get(..from.start_count).unwrap_or_default())?;
+    if !known.iter().all(|t| t.is_finite()) {
+        return Err(Fault::invalid("times are not finite"));
     }
     let array = |(i, &array): (usize, &*const f64)| {
         // SAFETY: as the caller promises.

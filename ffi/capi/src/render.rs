@@ -235,3 +235,20 @@ pub unsafe extern "C" fn trz_scene_dump(
         })
     }
 }
+
+/// The same text, to a file. One that was there before is replaced only by a whole one.
+///
+/// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_IO, TRZ_ERROR_BUSY,
+/// TRZ_ERROR_POISONED. Threads: any; waits for a commit.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trz_scene_write(
+    session: *mut trz_session,
+    path: *const c_char,
+) -> trz_result {
+    // SAFETY: the caller passes null or valid pointers.
+    unsafe {
+        with_session(session, |session| {
+            Ok(session.write_dump(input::text(path, "path")?.as_ref())?)
+        })
+    }
+}

@@ -49,6 +49,11 @@ pub type trz_log_fn = Option<
     ),
 >;
 
+/// Evaluates a transform at a time code relative to the frame: writes a matrix, 16 doubles, USD layout.
+/// Called on the thread that asks, before the call returns. Must not throw.
+pub type trz_evaluate_fn =
+    Option<unsafe extern "C" fn(user: *mut c_void, time: f64, matrix: *mut f64)>;
+
 /// Matrix samples of one level of the hierarchy.
 #[repr(C)]
 #[derive(Clone, Copy)]
@@ -63,7 +68,8 @@ pub struct trz_transform_samples {
     /// 1: rotations turn at constant speed about the level's own origin, by less than half a turn from
     /// sample to sample (polar decomposition), where the stretch and the place are the same at two samples,
     /// or a third between them shows that the place goes linearly. All else is interpolated as with 0.
-    /// Cameras always turn.
+    /// Cameras always turn. Plus 2: the sample at the frame shows whether they do: where it lies on the line
+    /// between the samples before and after it, it is left out, and all is interpolated as with 0.
     pub turns: u32,
 }
 

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use glam::{DMat4, Quat, Vec3};
 use hdtrapeze_core::scene::{InstanceArrays, Samples};
+use hdtrapeze_delegate::samples::straight_frame;
 
 use crate::fault::Fault;
 use crate::input::{copied, slice, times};
@@ -21,6 +22,15 @@ pub(crate) unsafe fn instancer(from: &trz_instancer) -> Result<InstanceArrays, F
             true => Vec::new(),
             false => lists(from.lists, from.list_counts, from.prototype_count)?,
         };
+        let mut matrices = matrix_samples(&from.matrices)?;
+        let mut matrices_turn = from.matrices_turn & 1 != 0;
+        if from.matrices_turn & 2 != 0
+            && let Some(frame) = straight_frame(&matrices.times, |i| &matrices.values[i])
+        {
+            matrices.times.remove(frame);
+            matrices.values.remove(frame);
+            matrices_turn = false;
+        }
         Ok(InstanceArrays {
             lists,
             instance_count: from.instance_count,
@@ -33,8 +43,8 @@ pub(crate) unsafe fn instancer(from: &trz_instancer) -> Result<InstanceArrays, F
                 Quat::from_array(*q)
             })?,
             scales: samples(&from.scales, "scales", vec3)?,
-            matrices: matrix_samples(&from.matrices)?,
-            matrices_turn: from.matrices_turn != 0,
+            matrices,
+            matrices_turn,
             velocities: samples(&from.velocities, "velocities", vec3)?,
             accelerations: samples(&from.accelerations, "accelerations", vec3)?,
             angular_velocities: samples(&from.angular_velocities, "angular_velocities", vec3)?,

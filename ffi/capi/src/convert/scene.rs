@@ -1,5 +1,6 @@
 //! Geometry, transforms and primvars.
 
+use std::slice::from_ref;
 use std::sync::Arc;
 
 use glam::{DMat4, Vec3};
@@ -11,6 +12,7 @@ use hdtrapeze_core::surface::{
     BoundaryInterpolation, FaceVaryingLinear, Orientation, Scheme, TriangleRule,
 };
 use hdtrapeze_delegate::AuthoredTopology;
+use hdtrapeze_delegate::samples::straight_frame;
 
 use super::{pick, refuse};
 use crate::fault::Fault;
@@ -292,13 +294,22 @@ pub(crate) unsafe fn transform(
         }
         let doubles = times(level.count, 16, "matrices")?;
         // SAFETY: as the caller promises.
-        unsafe {
-            Ok(TransformSamples {
+        let mut samples = unsafe {
+            TransformSamples {
                 times: copied(slice(level.times, level.count, "times")?, |&t| t)?,
                 matrices: matrices(slice(level.matrices, doubles, "matrices")?)?,
-                turns: level.turns != 0,
-            })
+                turns: level.turns & 1 != 0,
+            }
+        };
+        let one = |i| from_ref(&samples.matrices[i]);
+        if level.turns & 2 != 0
+            && let Some(frame) = straight_frame(&samples.times, one)
+        {
+            samples.times.remove(frame);
+            samples.matrices.remove(frame);
+            samples.turns = false;
         }
+        Ok(samples)
     };
     levels.iter().enumerate().map(convert).collect()
 }

@@ -48,6 +48,34 @@ fn contains(bytes: &[u8], part: &str) -> bool {
 }
 
 #[test]
+fn the_scene_as_text() {
+    let (session, folder) = (rendered(), Folder::new("scene"));
+    let (mut needed, mut text) = (0, [0; 1 << 16]);
+    let (path, file) = (
+        CString::new(folder.0.to_str().unwrap()).unwrap(),
+        folder.0.join("scene.txt"),
+    );
+    let file_path = CString::new(file.to_str().unwrap()).unwrap();
+    fs::write(&file, "before").unwrap();
+    // SAFETY: pointers to live values.
+    unsafe {
+        ok(trz_scene_dump(
+            session.0,
+            text.as_mut_ptr().cast(),
+            text.len(),
+            &mut needed,
+        ));
+        ok(trz_scene_write(session.0, file_path.as_ptr()));
+        let told = fails(
+            trz_scene_write(session.0, path.as_ptr()),
+            TRZ_ERROR_INVALID_ARGUMENT,
+        );
+        assert!(told.contains("not a regular file"), "{told}");
+    }
+    assert_eq!(fs::read(&file).unwrap(), text[..needed - 1]);
+}
+
+#[test]
 fn exr_and_png() {
     let (session, folder) = (rendered(), Folder::new("files"));
     let exr = folder.0.join("image.exr");

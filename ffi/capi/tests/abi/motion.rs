@@ -128,6 +128,65 @@ fn transforms_turn_between_samples_where_asked_to() {
 }
 
 #[test]
+fn the_frame_shows_whether_what_moves_turns() {
+    let session = Session::with_camera();
+    let settings = trz_settings {
+        override_shutter: 1,
+        shutter_open: -1.0,
+        shutter_close: 3.0,
+        ..small_settings(4)
+    };
+    // SAFETY: pointers to live values.
+    ok(unsafe { trz_session_set_settings(session.0, &settings) });
+    let square = session.square("/square", 0.0);
+    let instancer = session.instancer("/instancer");
+    let (first, last, arc) = (turned(0.0), turned(120.0), turned(60.0));
+    let line: [f64; 16] = std::array::from_fn(|i| 0.5 * (first[i] + last[i]));
+    let times = [-1.0, 0.0, 1.0, 3.0];
+    // Halfway from the third sample to the fourth: on the line, or on an arc.
+    let cases = [
+        (1, line, -0.875),
+        (3, line, -0.3125),
+        (3, arc, -0.875),
+        (2, arc, -0.3125),
+    ];
+    for (turns, frame, x) in cases {
+        let matrices = [first, frame, last, first];
+        let level = trz_transform_samples {
+            times: times.as_ptr(),
+            matrices: matrices.as_ptr().cast(),
+            count: 4,
+            turns,
+        };
+        let still = trz_transform_samples { count: 1, ..level };
+        let values = matrices.each_ref().map(|m| m.as_ptr());
+        let desc = trz_instancer {
+            instance_count: 1,
+            matrices: trz_matrix_samples {
+                times: times.as_ptr(),
+                sample_count: 4,
+                values: values.as_ptr(),
+                counts: [1; 4].as_ptr(),
+            },
+            matrices_turn: turns,
+            ..no_instances()
+        };
+        // SAFETY: pointers to live values.
+        unsafe {
+            ok(trz_prim_set_instancer(session.0, square, 0, 0));
+            ok(trz_prim_set_transform(session.0, square, &level, 1));
+            ok(session.commit());
+            assert_eq!(left_edge(&session, 0.75), x, "{turns}");
+            ok(trz_prim_set_transform(session.0, square, &still, 1));
+            ok(trz_instancer_set(session.0, instancer, &desc));
+            ok(trz_prim_set_instancer(session.0, square, instancer, 0));
+        }
+        ok(session.commit());
+        assert_eq!(left_edge(&session, 0.75), x, "instances: {turns}");
+    }
+}
+
+#[test]
 fn matrices_of_instances_turn_between_samples_where_asked_to() {
     let (session, square) = square();
     let instancer = session.instancer("/instancer");

@@ -1,5 +1,6 @@
 //! Every function gets null where it must not be.
 
+use std::ffi::c_void;
 use std::ptr::{null, null_mut};
 
 use hdtrapeze::*;
@@ -71,6 +72,7 @@ fn null_session() {
         trz_statistics_get(s, null_mut());
         trz_explain(s, null_mut(), 0, &mut 0);
         trz_scene_dump(s, null_mut(), 0, &mut 0);
+        trz_scene_write(s, c"/tmp/a".as_ptr());
         trz_prim_complete(s, 1);
         trz_aov_describe(s, c"color".as_ptr(), null_mut());
         trz_aov_read(s, c"color".as_ptr(), null_mut(), 0);
@@ -334,6 +336,10 @@ fn null_arguments() {
     };
     let (at, keep) = (&mut 0.0, &mut [0; 2]);
     let (mut plan, mut window) = (null_mut(), [0; 4]);
+    let mut room = [0.0; 16];
+    let matrix = room.as_mut_ptr();
+    unsafe extern "C" fn identity(_: *mut c_void, _: f64, _: *mut f64) {}
+    let evaluate: trz_evaluate_fn = Some(identity);
     null_pointer! {
         trz_path_next(null(), at, 1, &mut 0, keep.as_mut_ptr());
         trz_path_next(&no_path_times, at, 1, &mut 0, keep.as_mut_ptr());
@@ -342,6 +348,11 @@ fn null_arguments() {
         trz_path_next(&path, null_mut(), 1, &mut 0, keep.as_mut_ptr());
         trz_path_next(&path, at, 1, null_mut(), keep.as_mut_ptr());
         trz_path_next(&path, at, 1, &mut 0, null_mut());
+        trz_path_sample(null(), 1, evaluate, null_mut(), at, matrix, 1, &mut 0);
+        trz_path_sample(&0.0, 1, None, null_mut(), at, matrix, 1, &mut 0);
+        trz_path_sample(&0.0, 1, evaluate, null_mut(), null_mut(), matrix, 1, &mut 0);
+        trz_path_sample(&0.0, 1, evaluate, null_mut(), at, null_mut(), 1, &mut 0);
+        trz_path_sample(&0.0, 1, evaluate, null_mut(), at, matrix, 1, null_mut());
         trz_word(null(), name, &mut 0);
         trz_word(c"axis".as_ptr(), null(), &mut 0);
         trz_word(c"axis".as_ptr(), c"X".as_ptr(), null_mut());
@@ -444,6 +455,7 @@ fn null_arguments() {
         trz_explain(s, null_mut(), 9, &mut 0);
         trz_scene_dump(s, null_mut(), 0, null_mut());
         trz_scene_dump(s, null_mut(), 9, &mut 0);
+        trz_scene_write(s, null());
         trz_aov_describe(s, null(), null_mut());
         trz_aov_describe(s, c"color".as_ptr(), null_mut());
         trz_aov_read(s, null(), null_mut(), 0);

@@ -1,5 +1,7 @@
 //! Samples of paths that the host can evaluate at any time.
 
+use std::ffi::c_void;
+
 use hdtrapeze::*;
 
 use crate::support::*;
@@ -83,6 +85,64 @@ fn turning_matrices_get_samples_on_their_arc() {
     assert_eq!(follow(TRZ_PATH_POINTS, 64, moving), [0.0, 1.0]);
     let still = |_| vec![1.0; 3];
     assert_eq!(follow(TRZ_PATH_POINTS, 64, still), [0.0]);
+}
+
+/// The times of a host's that is asked for a path from -0.5 to 0.5, and how many matrices there is room for.
+fn sample(
+    start: &[f64],
+    capacity: usize,
+    evaluate: fn(f64) -> Vec<f64>,
+) -> Result<Vec<f64>, trz_result> {
+    unsafe extern "C" fn call(user: *mut c_void, time: f64, matrix: *mut f64) {
+        // SAFETY: it is the function below.
+        let evaluate: fn(f64) -> Vec<f64> = unsafe { *user.cast() };
+        // SAFETY: there is room for a matrix.
+        unsafe { std::slice::from_raw_parts_mut(matrix, 16) }.copy_from_slice(&evaluate(time));
+    }
+    let (mut times, mut matrices, mut count) = (vec![0.0; capacity], vec![0.0; 16 * capacity], 7);
+    let user = (&raw const evaluate).cast_mut().cast();
+    // SAFETY: pointers to live values, arrays as long as the capacity says.
+    let result = unsafe {
+        let (at, values) = (times.as_mut_ptr(), matrices.as_mut_ptr());
+        trz_path_sample(
+            start.as_ptr(),
+            start.len(),
+            Some(call),
+            user,
+            at,
+            values,
+            capacity,
+            &mut count,
+        )
+    };
+    if result != TRZ_OK {
+        assert_eq!(count, 7);
+        return Err(result);
+    }
+    times.truncate(count);
+    let found = |(i, t): (usize, &f64)| evaluate(*t) == matrices[16 * i..16 * (i + 1)];
+    assert!(times.iter().enumerate().all(found));
+    Ok(times)
+}
+
+#[test]
+fn a_transform_is_sampled_by_calling_the_host() {
+    let times = sample(&[0.0, 1.0], 64, turning).unwrap();
+    assert_eq!(times, follow(TRZ_PATH_MATRICES, 64, turning));
+    assert_eq!(
+        sample(&[0.0, 1.0], 2, turning),
+        Err(TRZ_ERROR_BUFFER_TOO_SMALL)
+    );
+    let held = |time: f64| turning(time.floor());
+    assert_eq!(
+        sample(&[0.0, 1.0], 64, held).unwrap(),
+        [],
+        "no path, but samples"
+    );
+    assert_eq!(sample(&[0.0, 1.0], 64, |_| turning(1.0)).unwrap(), [0.0]);
+    for start in [&[][..], &[1.0, 0.0], &[0.0, f64::NAN]] {
+        assert_eq!(sample(start, 64, turning), Err(TRZ_ERROR_INVALID_ARGUMENT));
+    }
 }
 
 #[test]
