@@ -239,6 +239,19 @@ mod tests {
     }
 
     #[test]
+    fn buffers_without_pixels_are_filled() {
+        let image = image([0, 0], 2, &[0.0, 0.2, 0.4, 0.6]);
+        for (width, height) in [(0, 2), (2, 0)] {
+            let layout = Layout {
+                width,
+                height,
+                ..layout(Component::Float32, 1)
+            };
+            assert!(filled(&layout, &image, false).is_empty());
+        }
+    }
+
+    #[test]
     fn components_of_all_types() {
         let image = image([0, 0], 1, &[0.5, -2.0, 1.0, f32::NAN]);
         let bytes = |component, components| {

@@ -19,6 +19,7 @@
 #include "pxr/usdImaging/usdImagingGL/engine.h"
 #include "pxr/usdImaging/usdImagingGL/renderParams.h"
 
+#include <algorithm>
 #include <chrono>
 #include <cstdint>
 #include <fstream>
@@ -63,6 +64,23 @@ void WriteColor(std::ostream& out, HdRenderBuffer* buffer, HdFormat format, size
     buffer->Unmap();
 }
 
+// A stage in an index of the renderer's.
+struct Scene {
+    explicit Scene(char const* file)
+        : stage(UsdStage::Open(file)),
+          delegate(HdRendererPluginRegistry::GetInstance().CreateRenderDelegate(
+              TfToken("HdTrapezeRendererPlugin"))),
+          index(HdRenderIndex::New(delegate.Get(), {})),
+          prims(index.get(), SdfPath::AbsoluteRootPath()) {
+        prims.Populate(stage->GetPseudoRoot());
+    }
+
+    UsdStageRefPtr const stage;
+    HdPluginRenderDelegateUniqueHandle const delegate;
+    std::unique_ptr<HdRenderIndex> const index;
+    UsdImagingDelegate prims;
+};
+
 // Draws a collection into a colour of its own.
 class PassTask final : public HdTask {
 public:
@@ -74,7 +92,7 @@ public:
         _pass = delegate->CreateRenderPass(index, collection);
         _buffer = static_cast<HdRenderBuffer*>(
             delegate->CreateBprim(HdPrimTypeTokens->renderBuffer, SdfPath("/color")));
-        _buffer->Allocate(GfVec3i(48, 32, 1), HdFormatFloat32Vec4, false);
+        Resize(48);
     }
     ~PassTask() override { _index->GetRenderDelegate()->DestroyBprim(_buffer); }
 
@@ -101,12 +119,41 @@ public:
     }
     bool IsConverged() const { return _pass->IsConverged(); }
 
+    // Of the buffer; the image stays as wide as it is.
+    void Resize(int width) { _buffer->Allocate(GfVec3i(width, 32, 1), HdFormatFloat32Vec4, false); }
+
+    // Pixels of the buffer that show something.
+    int Covered() const {
+        auto const* const pixels = Pixels<GfVec4f>(_buffer);
+        auto const count = std::count_if(pixels, pixels + _buffer->GetWidth() * 32,
+                                         [](GfVec4f const& pixel) { return pixel[3] > 0.0f; });
+        _buffer->Unmap();
+        return static_cast<int>(count);
+    }
+
 private:
     HdRenderIndex* const _index;
     SdfPath const _camera;
     HdRenderPassSharedPtr _pass;
     HdRenderBuffer* _buffer;
 };
+
+// Draws `draws` times, and until all are done; false where that is not in time.
+bool Draw(Scene const& scene, std::vector<std::shared_ptr<PassTask>> const& passes, int draws) {
+    HdTaskSharedPtrVector tasks(passes.begin(), passes.end());
+    HdEngine engine;
+    auto const end = std::chrono::steady_clock::now() + std::chrono::seconds(30);
+    auto const isDone = [](auto const& pass) { return pass->IsConverged(); };
+    for (int drawn = 0; drawn < draws || !std::all_of(passes.begin(), passes.end(), isDone);
+         ++drawn) {
+        if (std::chrono::steady_clock::now() > end) {
+            return false;
+        }
+        engine.Execute(scene.index.get(), &tasks);
+        std::this_thread::sleep_for(std::chrono::milliseconds(2));
+    }
+    return true;
+}
 
 } // namespace
 
@@ -115,36 +162,38 @@ private:
 /// where they are not done in time.
 extern "C" __attribute__((visibility("default"))) int
 two_passes(char const* file, char const* camera, char const* excluded, int draws) {
-    UsdStageRefPtr const stage = UsdStage::Open(file);
-    HdPluginRenderDelegateUniqueHandle const delegate =
-        HdRendererPluginRegistry::GetInstance().CreateRenderDelegate(
-            TfToken("HdTrapezeRendererPlugin"));
-    std::unique_ptr<HdRenderIndex> const index(HdRenderIndex::New(delegate.Get(), {}));
-    UsdImagingDelegate scene(index.get(), SdfPath::AbsoluteRootPath());
-    scene.Populate(stage->GetPseudoRoot());
+    Scene const scene(file);
     SdfPathVector const paths = *excluded ? SdfPathVector{SdfPath(excluded)} : SdfPathVector();
-    std::vector<std::shared_ptr<PassTask>> const passes = {
-        std::make_shared<PassTask>(index.get(), SdfPath(camera), SdfPathVector()),
-        std::make_shared<PassTask>(index.get(), SdfPath(camera), paths)};
-    HdTaskSharedPtrVector tasks(passes.begin(), passes.end());
-    HdEngine engine;
-    auto const end = std::chrono::steady_clock::now() + std::chrono::seconds(30);
-    for (int drawn = 0; drawn < draws || !passes[0]->IsConverged() || !passes[1]->IsConverged();
-         ++drawn) {
-        if (std::chrono::steady_clock::now() > end) {
-            return -1;
-        }
-        engine.Execute(index.get(), &tasks);
-        std::this_thread::sleep_for(std::chrono::milliseconds(2));
+    bool const done =
+        Draw(scene,
+             {std::make_shared<PassTask>(scene.index.get(), SdfPath(camera), SdfPathVector()),
+              std::make_shared<PassTask>(scene.index.get(), SdfPath(camera), paths)},
+             draws);
+    auto stats = scene.delegate->GetRenderStats();
+    return done ? static_cast<int>(stats["renders"].Get<uint64_t>()) : -1;
+}
+
+/// Draws a stage into a buffer of a width, and then into one of the image's. The number of pixels
+/// that show something at the end; -1 where it is not done in time.
+extern "C" __attribute__((visibility("default"))) int after_width(char const* file,
+                                                                  char const* camera, int width) {
+    Scene const scene(file);
+    auto const pass =
+        std::make_shared<PassTask>(scene.index.get(), SdfPath(camera), SdfPathVector());
+    int covered = 0;
+    for (int columns : {width, 48}) {
+        pass->Resize(columns);
+        covered = Draw(scene, {pass}, 1) ? pass->Covered() : -1;
     }
-    return static_cast<int>(delegate->GetRenderStats()["renders"].Get<uint64_t>());
+    return covered;
 }
 
 /// Renders a stage through a camera, and writes to a JSON file: what each pair of prim and instance
 /// decodes to with its mean pixel (y up); of each AOV its format and its values at the pixel x, y;
-/// and the colour there in several formats.
-extern "C" __attribute__((visibility("default"))) int
-probe(char const* file, char const* camera, int width, int height, int x, int y, char const* to) {
+/// and the colour there in several formats. Behind all is a colour with this much of `red`.
+extern "C" __attribute__((visibility("default"))) int probe(char const* file, char const* camera,
+                                                            int width, int height, int x, int y,
+                                                            float red, char const* to) {
     UsdStageRefPtr const stage = UsdStage::Open(file);
     UsdImagingGLEngine::Parameters parameters;
     parameters.gpuEnabled = false;
@@ -165,7 +214,7 @@ probe(char const* file, char const* camera, int width, int height, int x, int y,
     engine.SetRenderBufferSize(GfVec2i(width, height));
     UsdImagingGLRenderParams params;
     params.frame = UsdTimeCode(1.0);
-    params.clearColor = GfVec4f(0.25f, 0.5f, 0.75f, 1.0f);
+    params.clearColor = GfVec4f(red, 0.5f, 0.75f, 1.0f);
     auto const end = std::chrono::steady_clock::now() + std::chrono::seconds(30);
     do {
         engine.Render(stage->GetPseudoRoot(), params);

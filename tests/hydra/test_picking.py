@@ -1,6 +1,7 @@
 """Buffers as a host has them in memory, and what it decodes ids to: what usdview picks with."""
 
 import json
+import math
 
 import pytest
 import sdk
@@ -10,20 +11,28 @@ PROBE = """
     import ctypes
 
     probe = ctypes.CDLL(library).probe
+    behind = ctypes.c_float(red)
     for name, x, y in (("hit", 5, 5), ("background", 95, 75)):
-        assert probe(scene.encode(), b"/cam", 100, 80, x, y, f"{name}.json".encode()) == 0
+        out = f"{name}.json".encode()
+        assert probe(scene.encode(), b"/cam", 100, 80, x, y, behind, out) == 0
 """
 
 HALF4, FLOAT1, FLOAT2, FLOAT3, INT = 11, 12, 13, 14, 24
 """HdFormat."""
 
 
+def probe(host, red):
+    """At a pixel of a square, and at one that shows what is behind all: that much red."""
+    assert sdk.PROBE.exists(), "the probe is not built: make hydra"
+    ran = host.run(PROBE, scene=SCENES / "picking.usda", library=sdk.PROBE, red=red)
+    assert ran.warnings == []
+    texts = [(ran.folder / f"{name}.json").read_text() for name in ("hit", "background")]
+    return [json.loads(text.replace("nan", "NaN")) for text in texts]
+
+
 @pytest.fixture
 def probed(host):
-    assert sdk.PROBE.exists(), "the probe is not built: make hydra"
-    ran = host.run(PROBE, scene=SCENES / "picking.usda", library=sdk.PROBE)
-    assert ran.warnings == []
-    return [json.loads((ran.folder / f"{name}.json").read_text()) for name in ("hit", "background")]
+    return probe(host, 0.25)
 
 
 def test_ids_decode_to_the_prims_and_instances_that_are_there(probed):
@@ -88,3 +97,25 @@ def test_colours_in_the_format_that_is_asked_for(probed):
         assert float32[3] == alpha and float32[0] > 0.05
         assert float16 == pytest.approx(float32, abs=1e-3)
         assert unorm8 == pytest.approx([min(c, 1.0) for c in float32], abs=0.6 / 255)
+
+
+def test_a_clear_value_that_is_no_number_is_seen_where_nothing_is(host, probed):
+    for told, before, is_behind in zip(probe(host, math.nan), probed, (False, True), strict=True):
+        colors = zip(told["colors"][:2], before["colors"][:2], strict=True)
+        for now, then in colors:
+            assert math.isnan(now[0]) == is_behind
+            assert now[is_behind:] == then[is_behind:]
+        assert told["aovs"]["primId"] == before["aovs"]["primId"]
+
+
+def test_a_buffer_without_width_keeps_no_other_from_showing_the_image(delegate_host):
+    script = """
+    import ctypes
+
+    after_width = ctypes.CDLL(library).after_width
+    tell(covered=[after_width(scene.encode(), b"/cam", width) for width in (48, 0)])
+    """
+    ran = delegate_host.run(script, library=sdk.PROBE, scene=SCENES / "picking.usda")
+    always, after_none = ran.told["covered"]
+    assert 0 < always == after_none
+    assert ran.warnings == []

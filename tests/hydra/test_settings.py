@@ -65,6 +65,22 @@ def test_what_cannot_be_gives_one_warning_and_the_default(delegate_host, name, v
     assert ran.told == {"samples": 64}
 
 
+def test_the_least_shading_rate_may_be_a_float(delegate_host):
+    """Its nearest float is below it."""
+    ran = run(
+        delegate_host,
+        """
+    for i, rate in enumerate((1.0, 0.01, Vt.Float(0.01))):
+        view = View(stage, "/cam", samples=1, shadingRate=rate)
+        view.render()
+        view.dump(f"{i}.txt")
+    """,
+    )
+    coarse, fine, same = [(ran.folder / f"{i}.txt").read_text() for i in range(3)]
+    assert coarse != fine == same
+    assert ran.warnings == []
+
+
 def test_names_that_all_hosts_have(delegate_host):
     told = run(
         delegate_host,
