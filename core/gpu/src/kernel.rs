@@ -84,7 +84,13 @@ impl Kernel {
         groups: &[&[Binding]],
     ) -> Result<Self, GpuError> {
         let on = &device.device;
-        let scope = on.push_error_scope(wgpu::ErrorFilter::Validation);
+        // Whatever rejects it, the device is good for others.
+        let scopes = [
+            wgpu::ErrorFilter::Validation,
+            wgpu::ErrorFilter::Internal,
+            wgpu::ErrorFilter::OutOfMemory,
+        ]
+        .map(|filter| on.push_error_scope(filter));
         let layouts: Vec<_> = groups.iter().map(|group| layout(on, name, group)).collect();
         let bound: Vec<_> = layouts.iter().map(Some).collect();
         let layout = on.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
@@ -108,7 +114,12 @@ impl Kernel {
             (entry, on.create_compute_pipeline(&descriptor))
         };
         let pipelines = entries.iter().map(pipeline).collect();
-        if let Some(error) = pollster::block_on(scope.pop()) {
+        // All are popped, the last first.
+        let scopes = scopes.into_iter().rev();
+        let errors: Vec<_> = scopes
+            .filter_map(|scope| pollster::block_on(scope.pop()))
+            .collect();
+        if let Some(error) = errors.first() {
             return Err(GpuError::Failed {
                 name: device.found().name.clone(),
                 why: error.to_string(),
@@ -128,8 +139,8 @@ impl Kernel {
             let whole = buffers.iter().map(|buffer| buffer.as_entire_binding());
             self.group(device, number, whole)
         });
-        let (entry, _) = self.pipelines[0];
-        self.launch_at(device, entry, groups.collect(), workgroups)
+        let (_, pipeline) = &self.pipelines[0];
+        self.launch_of(device, pipeline, groups.collect(), workgroups)
     }
 
     /// Buffers, or parts of them, as group `number`.
@@ -151,15 +162,31 @@ impl Kernel {
     }
 
     /// [`Kernel::launch`] at one of several entry points, of groups that are there.
+    ///
+    /// # Errors
+    /// It was not compiled with this entry point.
     pub(crate) fn launch_at(
         &self,
         device: &Device,
         entry: &'static str,
         groups: Vec<wgpu::BindGroup>,
         workgroups: u32,
-    ) -> Launch {
+    ) -> Result<Launch, GpuError> {
         let known = self.pipelines.iter().find(|(name, _)| *name == entry);
-        let (_, pipeline) = known.unwrap_or(&self.pipelines[0]);
+        let (_, pipeline) = known.ok_or_else(|| GpuError::Failed {
+            name: device.found().name.clone(),
+            why: format!("the stage {} has no entry point {entry}", self.name),
+        })?;
+        Ok(self.launch_of(device, pipeline, groups, workgroups))
+    }
+
+    fn launch_of(
+        &self,
+        device: &Device,
+        pipeline: &wgpu::ComputePipeline,
+        groups: Vec<wgpu::BindGroup>,
+        workgroups: u32,
+    ) -> Launch {
         Launch {
             name: self.name,
             pipeline: pipeline.clone(),

@@ -101,12 +101,13 @@ impl Runner {
             kernel.group(device, 0, std::iter::once(launch).chain(storage))
         };
         let mut groups: HashMap<(usize, u32), wgpu::BindGroup> = HashMap::new();
-        let launch = |(step, offset): (&Step, u32)| -> Launch {
+        let launch = |(step, offset): (&Step, u32)| {
             let key = (step.set, offset);
             let group = groups.entry(key).or_insert_with(|| group(key)).clone();
             kernel.launch_at(device, step.entry, vec![group], step.workgroups)
         };
-        let steps: Vec<Launch> = steps.iter().zip(offsets).map(launch).collect();
+        let steps = steps.iter().zip(offsets).map(launch);
+        let steps: Vec<Launch> = steps.collect::<Result<_, _>>()?;
         let mut encoder = device.device.create_command_encoder(&Default::default());
         record(&mut encoder, &steps, clock.stamp(stage));
         device.queue.submit([encoder.finish()]);
