@@ -600,9 +600,9 @@ impl Session {
             return Ok(None);
         };
         let options = backend::gpu_options()?;
-        // Nobody else renders it any more.
+        // Nobody else renders it any more. It keeps the way it was taken there.
         let before = before.and_then(Arc::into_inner);
-        let before = before.filter(|gpu| gpu.is_of(&stages));
+        let before = before.filter(|gpu| gpu.is_of(&stages, &options));
         let upload = || match before {
             Some(before) => before.after(prepared),
             None => GpuFrame::with(options, stages, prepared),

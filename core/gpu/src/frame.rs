@@ -31,7 +31,7 @@ pub struct Stages {
 }
 
 /// How a scene is taken to a device.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameOptions {
     /// The first stage that is run there: a difference is narrowed down by moving it.
     pub first: FirstOnDevice,
@@ -122,8 +122,12 @@ impl GpuFrame {
             stages,
             mut scene,
             options,
+            camera,
+            looks,
             ..
         } = self;
+        // Their room is for what comes.
+        drop((camera, looks));
         let refitted = match scene.refit(&stages.builder, prepared.world()) {
             // There may be room for one of both, or for more pages.
             Err(
@@ -210,9 +214,9 @@ impl GpuFrame {
         self.scene.bytes()
     }
 
-    /// True where it is on the device of these stages.
-    pub fn is_of(&self, stages: &Arc<Stages>) -> bool {
-        Arc::ptr_eq(&self.stages, stages)
+    /// True where it is on the device of these stages, and was taken there in this way.
+    pub fn is_of(&self, stages: &Arc<Stages>, options: &FrameOptions) -> bool {
+        Arc::ptr_eq(&self.stages, stages) && self.options == *options
     }
 
     /// What it is on, for people.
