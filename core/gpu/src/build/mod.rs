@@ -33,6 +33,7 @@ use bytemuck::cast_slice;
 use hdtrapeze_core::bvh::{LinearBox, Tree};
 use hdtrapeze_core::grid::PlanarMesh;
 use hdtrapeze_core::trace::World;
+use hdtrapeze_core::trace::parts::Parts;
 use hdtrapeze_core::trace::piece::{InWhole, Trees as WhereTrees};
 use hdtrapeze_core::trace::world::{common, few_move};
 use hdtrapeze_shaders::stage::BuildStage;
@@ -149,7 +150,7 @@ impl GpuScene {
     /// and is to be built anew.
     ///
     /// # Errors
-    /// As [`GpuScene::new`].
+    /// As [`GpuScene::new`]; the scene is as it was then, too.
     pub fn refit(&mut self, builder: &TreeBuilder, world: &World) -> Result<bool, GpuError> {
         scene::traceable(world)?;
         let parts = world.parts();
@@ -158,8 +159,28 @@ impl GpuScene {
             return Ok(false);
         }
         let mut refitted: Vec<Page> = Vec::with_capacity(self.pages.len());
-        for number in 0..self.pages.len() {
-            let page = &mut self.pages[number];
+        let done = self.refit_pages(builder, world, &parts, &mut refitted);
+        match done {
+            Ok(true) => (self.pages, self.sets) = (refitted, shapes),
+            // Pages that were refitted give back what they have taken over.
+            Ok(false) | Err(_) => {
+                for (page, now) in self.pages.iter_mut().zip(refitted) {
+                    page.made.trees = now.made.trees;
+                }
+            }
+        }
+        done
+    }
+
+    /// Adds pages in place of those that there are to `refitted`; false where one is to be built anew.
+    fn refit_pages(
+        &mut self,
+        builder: &TreeBuilder,
+        world: &World,
+        parts: &Parts<'_>,
+        refitted: &mut Vec<Page>,
+    ) -> Result<bool, GpuError> {
+        for (number, page) in self.pages.iter_mut().enumerate() {
             let now = match self.plan.get(number) {
                 None => builder.refit(page, world, &scene::all(world))?,
                 Some(picks) => {
@@ -169,15 +190,9 @@ impl GpuScene {
             };
             match now {
                 Some(now) => refitted.push(now),
-                None => {
-                    for (page, now) in self.pages.iter_mut().zip(refitted) {
-                        page.made.trees = now.made.trees;
-                    }
-                    return Ok(false);
-                }
+                None => return Ok(false),
             }
         }
-        (self.pages, self.sets) = (refitted, shapes);
         Ok(true)
     }
 
@@ -446,10 +461,12 @@ impl TreeBuilder {
         if !pairs.all(|(before, now)| *now <= WORSE * before.max(1.0)) {
             return Ok(None);
         }
+        let seconds = self.runner.seconds(&clock)?;
         refitted.made = Made {
             there: true,
+            // Nothing fails from here on.
             trees: page.made.trees.take(),
-            seconds: self.runner.seconds(&clock)?,
+            seconds,
         };
         Ok(Some(refitted))
     }

@@ -57,10 +57,8 @@ pub fn refitted_on_pages(tracer: &Tracer) -> Result<(), Failed> {
         (sheet(8, 9, &keys(2)), 20_000),
     ] {
         let mut lost = moved(&before);
-        // Of the last page only.
-        if let Some(p) = lost.positions.last_mut() {
-            p.z = f32::NAN;
-        }
+        let p = lost.grids[farthest(&before)].first_vertex as usize * lost.key_count();
+        lost.positions[p].z = f32::NAN;
         let worlds = [before.clone(), moved(&before), before, lost].map(world_of);
         let options = BuildOptions {
             refits: true,
@@ -98,6 +96,26 @@ pub fn refitted_on_pages(tracer: &Tracer) -> Result<(), Failed> {
         as_with_host_trees(tracer, &worlds[1], &scene, RAYS, 50)?;
     }
     Ok(())
+}
+
+/// The grid that is last along the longest side of all: objects are cut across that first, and what is near comes first.
+fn farthest(mesh: &DicedMesh) -> usize {
+    let object = object(mesh.clone());
+    let mesh = object.mesh();
+    let centre = |g: usize| {
+        let grid = &mesh.grids[g];
+        let (across, last) = (usize::from(grid.nu), grid.vertex_count() - 1);
+        let corners = [0, across, last - across, last];
+        let keys = [0, mesh.key_count() - 1];
+        let points = keys.map(|k| corners.map(|i| mesh.position(g, k, i)));
+        points.iter().flatten().sum::<Vec3>()
+    };
+    let centres: Vec<Vec3> = (0..mesh.grids.len()).map(centre).collect();
+    let lo = centres.iter().fold(Vec3::INFINITY, |a, &b| a.min(b));
+    let hi = centres.iter().fold(Vec3::NEG_INFINITY, |a, &b| a.max(b));
+    let axis = (hi - lo).max_position();
+    let far = |&a: &usize, &b: &usize| centres[a][axis].total_cmp(&centres[b][axis]);
+    (0..centres.len()).max_by(far).unwrap_or(0)
 }
 
 /// Instances that move, appear or go are no reason to make objects' trees anew.
