@@ -18,7 +18,7 @@ use super::shade::{GpuLooks, Shader};
 use super::tiles::GpuTiles;
 use super::trace::{packed, to_layout};
 use super::{BuildOptions, Device, FirstOnDevice, GpuCamera, GpuError, GpuScene};
-use super::{RayMaker, Tracer, TreeBuilder};
+use super::{RayMaker, Tracer, TreeBuilder, pages, shade};
 
 /// The stages of a device, each compiled once.
 #[derive(Debug)]
@@ -58,8 +58,8 @@ pub struct GpuFrame {
     refitted: bool,
     /// Where it draws the rays of this camera.
     camera: Option<GpuCamera>,
-    /// How it looks, or why the CPU shades it.
-    looks: Result<GpuLooks, String>,
+    /// How it looks, nothing where the CPU's colours are filmed; or why the CPU shades and films it.
+    looks: Result<Option<GpuLooks>, String>,
     /// Seconds of each stage, where they are asked for.
     seconds: Option<Mutex<[f64; 4]>>,
 }
@@ -107,7 +107,14 @@ impl GpuFrame {
             // Who keeps grids where only the camera moves edits, and may move points as well.
             refits: prepared.settings().keep_finer,
         };
-        let scene = GpuScene::build(&stages.builder, prepared.world(), &build)?;
+        let device = stages.device();
+        let paints = match options.first == FirstOnDevice::Film
+            || shade::shaded_here(device, prepared).is_some()
+        {
+            true => pages::Paints::new(),
+            false => shade::paints_of(prepared),
+        };
+        let scene = GpuScene::painted(&stages.builder, prepared.world(), &build, &paints)?;
         Self::around(options, stages, scene, prepared)
     }
 
@@ -160,12 +167,15 @@ impl GpuFrame {
         let (camera, looks) = match camera {
             Err(why) => (None, Err(why)),
             Ok(camera) => {
-                let looks = match GpuLooks::new(device, &scene, &camera, prepared) {
-                    Err(GpuError::Unsupported(why)) => Err(why),
-                    Err(error @ (GpuError::TooLarge { .. } | GpuError::OutOfMemory { .. })) => {
-                        Err(error.to_string())
-                    }
-                    made => Ok(made?),
+                let looks = match options.first {
+                    FirstOnDevice::Film => prepared.shaded_here().map_or(Ok(None), Err),
+                    _ => match GpuLooks::new(device, &scene, &camera, prepared) {
+                        Err(GpuError::Unsupported(why)) => Err(why),
+                        Err(error @ (GpuError::TooLarge { .. } | GpuError::OutOfMemory { .. })) => {
+                            Err(error.to_string())
+                        }
+                        made => Ok(Some(made?)),
+                    },
                 };
                 (Some(camera), looks)
             }
@@ -209,7 +219,7 @@ impl GpuFrame {
         self.scene.page_count()
     }
 
-    /// Bytes of the scene on the device.
+    /// Bytes of trees, vertices and instances on the device; normals and colours, rays and samples are not among them.
     pub fn bytes(&self) -> u64 {
         self.scene.bytes()
     }
@@ -289,6 +299,36 @@ impl GpuFrame {
         Ok(batch.into_hits())
     }
 
+    /// Films what the CPU has shaded.
+    fn film_made(
+        &self,
+        camera: &GpuCamera,
+        tiles: &[TileSamples],
+        made: &Made,
+        pixels: &mut [PixelSums],
+    ) -> Result<(), GpuError> {
+        let device = self.stages.device();
+        let timed = self.seconds.is_some();
+        let tiles = &GpuTiles::new(device, tiles, camera.has_time)?;
+        let hits: Vec<layout::Hit> = made.hits.iter().map(to_layout).collect();
+        let hits = device.upload("hits", bytemuck::cast_slice(&hits))?;
+        let samples = made.jobs.iter().zip(&made.colors);
+        let samples = samples.map(|(job, &color)| Sample {
+            color,
+            weight: job.weight,
+            distance2: job.distance2,
+            time: job.ray.time,
+            ..Sample::default()
+        });
+        let samples: Vec<Sample> = samples.collect();
+        let samples = device.upload("samples", bytemuck::cast_slice(&samples))?;
+        let filmer = &self.stages.filmer;
+        let seconds = filmer.film(tiles, [&samples, &hits], pixels, timed)?;
+        self.took(Stage::Film, seconds);
+        Ok(())
+    }
+
+    /// Shades and films, and does what comes before from the first stage on.
     fn film_tiles(
         &self,
         camera: &GpuCamera,
@@ -300,27 +340,7 @@ impl GpuFrame {
         let device = self.stages.device();
         let timed = self.seconds.is_some();
         let tiles = &GpuTiles::new(device, tiles, camera.has_time)?;
-        let hits_made: Vec<layout::Hit> = made.hits.iter().map(to_layout).collect();
         let first = self.options.first.of_samples();
-        if first == Stage::Film {
-            let hits = device.upload("hits", bytemuck::cast_slice(&hits_made))?;
-            let samples = made.jobs.iter().zip(&made.colors);
-            let samples = samples.map(|(job, &color)| Sample {
-                color,
-                weight: job.weight,
-                distance2: job.distance2,
-                time: job.ray.time,
-                ..Sample::default()
-            });
-            let samples: Vec<Sample> = samples.collect();
-            let samples = device.upload("samples", bytemuck::cast_slice(&samples))?;
-            let seconds = self
-                .stages
-                .filmer
-                .film(tiles, [&samples, &hits], pixels, timed)?;
-            self.took(Stage::Film, seconds);
-            return Ok(());
-        }
         let rays = match first {
             Stage::Generate => self.drawn(camera, tiles)?,
             _ => {
@@ -335,7 +355,10 @@ impl GpuFrame {
             }
         };
         let hits = match first {
-            Stage::Shade => device.upload("hits", bytemuck::cast_slice(&hits_made))?,
+            Stage::Shade => {
+                let hits: Vec<layout::Hit> = made.hits.iter().map(to_layout).collect();
+                device.upload("hits", bytemuck::cast_slice(&hits))?
+            }
             _ => self.traced(&rays, tiles.rays)?,
         };
         let shader = &self.stages.shader;
@@ -402,7 +425,10 @@ impl RayTracer for GpuFrame {
         let (Some(camera), Ok(looks)) = (&self.camera, &self.looks) else {
             return Err("it films nothing".to_owned());
         };
-        let filmed = self.film_tiles(camera, looks, tiles, made, pixels);
+        let filmed = match looks {
+            Some(looks) => self.film_tiles(camera, looks, tiles, made, pixels),
+            None => self.film_made(camera, tiles, made, pixels),
+        };
         filmed.map_err(|error| error.to_string())
     }
 }

@@ -25,7 +25,7 @@ struct Size {
     words: u64,
     instances: u64,
     matrices: u64,
-    /// Normals and colours of vertices.
+    /// Normals and colours.
     paints: u64,
 }
 
@@ -55,12 +55,22 @@ impl Size {
     }
 }
 
+/// Bytes of normals and colours of an object that are laid out beside it.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Paint {
+    pub a_vertex: u64,
+    pub a_grid: u64,
+}
+
+/// Of each object, where the device shades.
+pub(crate) type Paints = HashMap<*const ObjectGeometry, Paint>;
+
 /// Part of an object, and what it takes.
 type Part = (Option<Arc<[u32]>>, Size);
 
 /// What each page of `parts` takes, where no array may be larger than `most` bytes; at least one page. What does not fit
 /// by itself has a page of its own.
-pub(crate) fn plan(parts: &Parts<'_>, most: u64, trees: Trees) -> Vec<Vec<Pick>> {
+pub(crate) fn plan(parts: &Parts<'_>, most: u64, trees: Trees, paints: &Paints) -> Vec<Vec<Pick>> {
     let sets: Vec<_> = parts.sets().collect();
     let mut objects: Vec<(&Arc<ObjectGeometry>, Vec<usize>)> = Vec::new();
     let mut known: HashMap<*const ObjectGeometry, usize> = HashMap::new();
@@ -76,7 +86,8 @@ pub(crate) fn plan(parts: &Parts<'_>, most: u64, trees: Trees) -> Vec<Vec<Pick>>
     let mut page: Vec<Pick> = Vec::new();
     let mut used = Size::default();
     for (object, numbers) in &objects {
-        for (grids, size) in cut(object, most, trees) {
+        let paint = paints.get(&Arc::as_ptr(object));
+        for (grids, size) in cut(object, most, trees, paint.copied().unwrap_or_default()) {
             // Whether this page has it already.
             let mut there = false;
             for &set in numbers {
@@ -133,13 +144,13 @@ fn instance(key_times: Option<&[f32]>) -> Size {
 }
 
 /// The whole of an object where that fits, else parts of it that do.
-fn cut(object: &ObjectGeometry, most: u64, trees: Trees) -> Vec<Part> {
+fn cut(object: &ObjectGeometry, most: u64, trees: Trees, paint: Paint) -> Vec<Part> {
     let mesh = object.mesh();
     let count = mesh.grids.len() as u32;
     let sound = mesh.sound_grids();
     let sizes: Vec<Size> = match trees {
         Trees::Now => {
-            let whole = whole(object);
+            let whole = whole(object, paint);
             if whole.most() <= most || count < 2 {
                 return vec![(None, whole)];
             }
@@ -148,14 +159,14 @@ fn cut(object: &ObjectGeometry, most: u64, trees: Trees) -> Vec<Part> {
             let nodes = |grid: &Grid| (grid.cell_count() as f64 * per_cell).ceil() as u64;
             let grids = mesh.grids.iter();
             grids
-                .map(|grid| grid_size(grid, mesh, nodes(grid)))
+                .map(|grid| grid_size(grid, mesh, nodes(grid), paint))
                 .collect()
         }
         Trees::Later => {
             let grids = (0..).zip(&mesh.grids).zip(&sound);
             let size = |((g, grid), &sound): ((u32, &Grid), &bool)| match sound {
-                true => later_size(g, grid, mesh),
-                false => grid_size(grid, mesh, 0),
+                true => later_size(g, grid, mesh, paint),
+                false => grid_size(grid, mesh, 0, paint),
             };
             let sizes: Vec<Size> = grids.map(size).collect();
             let whole = sizes.iter();
@@ -239,36 +250,26 @@ fn centre(mesh: &PlanarMesh, g: usize) -> Vec3 {
 }
 
 /// What a grid takes, whose share of nodes and blocks has so many bytes.
-fn grid_size(grid: &Grid, mesh: &PlanarMesh, nodes: u64) -> Size {
+fn grid_size(grid: &Grid, mesh: &PlanarMesh, nodes: u64, paint: Paint) -> Size {
     Size {
         nodes,
         planes: 12 * (grid.vertex_count() * mesh.key_count()) as u64,
         words: (size_of::<GridHeader>() + size_of::<u32>()) as u64,
-        paints: grid.vertex_count() as u64 * paint_bytes(mesh),
+        paints: grid.vertex_count() as u64 * paint.a_vertex + paint.a_grid,
         ..Size::default()
     }
 }
 
-/// Bytes of a vertex's normals, and of its colours if the widest channel is that.
-fn paint_bytes(mesh: &PlanarMesh) -> u64 {
-    let widest = mesh.channels.iter().map(|channel| channel.width).max();
-    let normals = match mesh.normals.is_empty() {
-        true => 0,
-        false => mesh.normal_key_count,
-    };
-    4 * (normals + widest.unwrap_or(0)) as u64
-}
-
 /// What a grid takes whose object has its tree made on the device: all blocks may have frames, and nodes are more than
 /// half full.
-fn later_size(g: u32, grid: &Grid, mesh: &PlanarMesh) -> Size {
+fn later_size(g: u32, grid: &Grid, mesh: &PlanarMesh, paint: Paint) -> Size {
     let (items, blocks) = items_of(g, grid);
     let (node, block) = match mesh.is_moving() {
         true => (node_words::<LinearSlabs>(), block_words::<LinearSlabs>()),
         false => (node_words::<StaticSlabs>(), block_words::<StaticSlabs>()),
     };
     let nodes = (2 * u64::from(items) * bytes(node)).div_ceil(7) + u64::from(blocks) * bytes(block);
-    let size = grid_size(grid, mesh, nodes);
+    let size = grid_size(grid, mesh, nodes, paint);
     Size {
         words: size.words + 36 * u64::from(blocks),
         ..size
@@ -281,7 +282,7 @@ fn bytes(words: u32) -> u64 {
 }
 
 /// What an object takes with the CPU's tree.
-fn whole(object: &ObjectGeometry) -> Size {
+fn whole(object: &ObjectGeometry, paint: Paint) -> Size {
     // A relative tree becomes a plain one, of which nothing is known.
     let (node, block, spare) = match object.blas() {
         Blas::Static(_) => (node_words::<StaticSlabs>(), block_words::<StaticSlabs>(), 1),
@@ -294,7 +295,7 @@ fn whole(object: &ObjectGeometry) -> Size {
         nodes: spare * (stats.nodes * bytes(node) + stats.blocks * bytes(block)),
         planes: size_of_val(mesh.planes()) as u64,
         words: (size_of::<GridHeader>() * mesh.grids.len()) as u64 + spare * 36 * frames,
-        paints: mesh.vertex_count as u64 * paint_bytes(mesh),
+        paints: mesh.vertex_count as u64 * paint.a_vertex + mesh.grids.len() as u64 * paint.a_grid,
         ..Size::default()
     }
 }

@@ -22,6 +22,7 @@ use hdtrapeze_shaders::layout::{GridHeader, Instance, Object};
 use hdtrapeze_shaders::stage::{BuildStage, STACKS, TracePermutation};
 
 use super::build::{Maker, Refits};
+use super::pages::Paints;
 use super::{Device, GpuError, pages, stack};
 
 /// Units of 16 bytes.
@@ -114,10 +115,15 @@ impl GpuScene {
     /// # Errors
     /// As [`GpuScene::new`].
     pub fn with_pages(device: &Device, world: &World, most: u64) -> Result<Self, GpuError> {
-        Self::made(&Maker::Host(device), world, most)
+        Self::made(&Maker::Host(device), world, most, &Paints::default())
     }
 
-    pub(crate) fn made(maker: &Maker<'_>, world: &World, most: u64) -> Result<Self, GpuError> {
+    pub(crate) fn made(
+        maker: &Maker<'_>,
+        world: &World,
+        most: u64,
+        paints: &Paints,
+    ) -> Result<Self, GpuError> {
         traceable(world)?;
         let parts = world.parts();
         if maker.trees() == Trees::Now {
@@ -125,16 +131,21 @@ impl GpuScene {
         }
         let mut most = most.min(maker.device().largest());
         for _ in 1..TRIES {
-            match Self::planned(maker, &parts, most) {
+            match Self::planned(maker, &parts, most, paints) {
                 Err(GpuError::TooLarge { .. }) => most /= 2,
                 made => return made,
             }
         }
-        Self::planned(maker, &parts, most)
+        Self::planned(maker, &parts, most, paints)
     }
 
-    fn planned(maker: &Maker<'_>, parts: &Parts<'_>, most: u64) -> Result<Self, GpuError> {
-        let plan = pages::plan(parts, most, maker.trees());
+    fn planned(
+        maker: &Maker<'_>,
+        parts: &Parts<'_>,
+        most: u64,
+        paints: &Paints,
+    ) -> Result<Self, GpuError> {
+        let plan = pages::plan(parts, most, maker.trees(), paints);
         let device = maker.device();
         let page = |world: &World, numbers: &[InWhole]| {
             let page = maker.page(world, numbers, most)?;
@@ -171,7 +182,7 @@ impl GpuScene {
         self.pages.iter().all(|page| page.made.there)
     }
 
-    /// Bytes on the device.
+    /// Bytes of its trees, vertices and instances on the device, without how they look.
     pub fn bytes(&self) -> u64 {
         let buffers = self.pages.iter().flat_map(|page| &page.group);
         buffers.map(wgpu::Buffer::size).sum()

@@ -4,7 +4,7 @@
 //! times the condition of an instance's matrix; the tests state how many.
 
 use std::borrow::Cow;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::f32::consts::PI;
 use std::sync::Arc;
 
@@ -20,14 +20,14 @@ use wgpu::BufferUsages as Usage;
 
 use super::kernel::{Binding, Kernel, Kernels, rows, run};
 use super::scene::Page;
-use super::{Device, GpuCamera, GpuError, GpuScene};
+use super::{Device, GpuCamera, GpuError, GpuScene, pages};
 
 /// Storage buffers that the stage sees.
 const BUFFERS: u32 = 11;
 
-/// Words of colours that one for all, one a face, and one a vertex need told.
+/// Where a colour's values are: one for all, one a grid, or one a vertex.
 const CONSTANT: u32 = 0;
-const FACES: u32 = 1;
+const GRIDS: u32 = 1;
 const VERTICES: u32 = 2;
 
 /// How the instances of a scene look, on a device.
@@ -52,20 +52,15 @@ impl GpuLooks {
     /// Lays out what `prepared`, which `scene` and `camera` are of, is shaded with.
     ///
     /// # Errors
-    /// It must be shaded on the CPU, see [`Prepared::shaded_here`]; or the device is too small.
+    /// It must be shaded on the CPU, see [`Prepared::shaded_here`]; or the device is too small, or binds too few buffers.
     pub fn new(
         device: &Device,
         scene: &GpuScene,
         camera: &GpuCamera,
         prepared: &Prepared,
     ) -> Result<Self, GpuError> {
-        if let Some(why) = prepared.shaded_here() {
+        if let Some(why) = shaded_here(device, prepared) {
             return Err(GpuError::Unsupported(why));
-        }
-        let limits = device.device.limits();
-        if limits.max_storage_buffers_per_shader_stage < BUFFERS {
-            let what = format!("colours with fewer than {BUFFERS} buffers");
-            return Err(GpuError::Unsupported(what));
         }
         let sets = prepared.world().parts();
         let of_set = |set: &'_ Arc<InstanceSet>| vec![Arc::clone(set.object()); set.len()];
@@ -104,6 +99,53 @@ impl GpuLooks {
             light: prepared.irradiance() / PI,
         })
     }
+}
+
+/// Why the CPU shades a scene, where it does: for what it shows, or since the device binds too little.
+pub(crate) fn shaded_here(device: &Device, prepared: &Prepared) -> Option<String> {
+    prepared.shaded_here().or_else(|| {
+        let there = device.device.limits().max_storage_buffers_per_shader_stage;
+        let few = there < BUFFERS;
+        few.then(|| format!("it needs {BUFFERS} storage buffers, and the device binds {there}"))
+    })
+}
+
+/// What normals and colours of each object take where the device shades: as [`GpuLooks`] lays them out.
+pub(crate) fn paints_of(prepared: &Prepared) -> pages::Paints {
+    let mut paints = pages::Paints::new();
+    let mut known = HashSet::new();
+    let mut instance = 0;
+    for set in prepared.world().parts().sets() {
+        let first = instance;
+        instance += set.len() as u32;
+        // What is not made yet is refused.
+        let Some(object) = set.made().filter(|_| set.len() > 0) else {
+            continue;
+        };
+        let (object, mesh) = (Arc::as_ptr(object), object.mesh());
+        let source = prepared.look(first).color;
+        let paint = paints.entry(object).or_insert_with(|| pages::Paint {
+            a_vertex: size_of_val(&mesh.normals[..]) as u64 / mesh.vertex_count.max(1) as u64,
+            a_grid: 0,
+        });
+        if !known.insert((object, std::ptr::from_ref::<Source>(source))) {
+            continue;
+        }
+        match source.values() {
+            Values::Uniform(_) => paint.a_grid += 4 * words_of(source) as u64,
+            Values::Channel(channel) => {
+                let width = mesh.channels.get(*channel).map_or(0, |c| c.width);
+                paint.a_vertex += 4 * width as u64;
+            }
+            Values::Constant(_) | Values::Instance(..) => {}
+        }
+    }
+    paints
+}
+
+/// Words of a value at all keys.
+fn words_of(source: &Source) -> usize {
+    source.lanes() * source.key_times().len().max(1)
 }
 
 impl Shader {
@@ -216,13 +258,30 @@ impl Cut<'_> {
         }
         Cow::Owned(own)
     }
+
+    /// Of values of faces, so many words each, that of each grid that is there: a grid lies on one face. 0 where that has none.
+    fn of_grids(&self, faces: &[f32], each: usize) -> Vec<u32> {
+        let all = &self.object.mesh().grids;
+        let count = self.grids.map_or(all.len(), |grids| grids.len());
+        let mut own = Vec::with_capacity(count * each);
+        for place in 0..count {
+            let grid = self.grids.map_or(place, |grids| grids[place] as usize);
+            let from = all[grid].element as usize * each;
+            match faces.get(from..from + each) {
+                Some(value) => own.extend(value.iter().map(|x| x.to_bits())),
+                None => own.resize(own.len() + each, 0),
+            }
+        }
+        own
+    }
 }
 
 /// Colours and normals of a page, each once.
 #[derive(Default)]
 struct Paints {
     words: Vec<u32>,
-    /// Places of what is there, by address: sources' values, and of objects, or of grids that were picked, channels and normals.
+    /// Places of what is there, by address: sources' values, and of objects, or of grids that were picked, channels, normals,
+    /// and values of sources for their grids.
     known: HashMap<(usize, usize), u32>,
     /// A colour changes while the shutter is open.
     time: bool,
@@ -243,7 +302,7 @@ impl Paints {
         let keys = source.key_times().len();
         self.time |= keys > 1;
         let lanes = source.lanes();
-        let whole = lanes * keys.max(1);
+        let whole = words_of(source);
         let at = |address: usize, part: usize| (address, part);
         let of_object = cut.address();
         let of_source = std::ptr::from_ref::<Source>(source) as usize;
@@ -265,9 +324,9 @@ impl Paints {
         match source.values() {
             Values::Constant(values) => out.paint = self.floats(at(of_source, 0), values)?,
             Values::Uniform(values) => {
-                out.kind = FACES;
-                out.items = (values.len() / whole.max(1)) as u32;
-                out.paint = self.floats(at(of_source, 0), values)?;
+                out.kind = GRIDS;
+                let of = || Cow::Owned(cut.of_grids(values, whole));
+                out.paint = self.add(at(of_object, of_source), of)?;
             }
             Values::Channel(channel) => {
                 // One that is not there is black, as core reads it.

@@ -483,13 +483,13 @@ fn paged(
 }
 
 /// Scenes on several pages, some objects of which are cut, are shaded and filmed there as well.
-fn on_pages(stages: &Arc<Stages>, scene: &Scene) -> Result<(), Failed> {
-    for first in [FirstOnDevice::Bound, FirstOnDevice::Generate] {
+fn on_pages(stages: &Arc<Stages>, scene: &Scene, firsts: &[FirstOnDevice]) -> Result<(), Failed> {
+    for &first in firsts {
         let prepared = prepared_on(scene, Backend::Gpu);
         let frame = paged(stages, &prepared, first)?;
         let told = frame.explain();
         if frame.page_count() < 2
-            || frame.stages() != (Stage::Generate..=Stage::Film)
+            || frame.stages() != (first.of_samples()..=Stage::Film)
             || !told.contains("pages")
         {
             return Err(told.into());
@@ -497,6 +497,47 @@ fn on_pages(stages: &Arc<Stages>, scene: &Scene) -> Result<(), Failed> {
         as_on_the_cpu(scene, &prepared, &frame, first)?;
     }
     Ok(())
+}
+
+/// Colours have room on pages where they are shaded there, and take none where the CPU shades.
+fn colours_take_room(stages: &Arc<Stages>) -> Result<(), Failed> {
+    let mut painted = sheet("/sheet", &[0.0], Interpolation::Vertex);
+    let sample = |(time, value): (f64, f32)| PrimvarSample {
+        time,
+        values: Arc::new(PrimvarValues::Float(vec![value; 3 * 42])),
+        indices: Arc::default(),
+    };
+    let color = PrimvarDesc {
+        // Twelve words a vertex, which has three of its place.
+        samples: [(0.0, 0.1), (0.3, 0.7), (0.6, 0.2), (1.0, 0.9)]
+            .into_iter()
+            .map(sample)
+            .collect(),
+        ..PrimvarDesc::still(Interpolation::Vertex, 3, vec![], vec![])
+    };
+    let primvars = &mut painted.common.primvars;
+    primvars.insert("displayColor".to_owned(), color);
+    let there = scene(vec![painted]);
+    let mut here = there.clone();
+    set(&mut here, |s| s.aovs.push("normal".to_owned()));
+    let pages = |scene: &Scene, first| -> Result<usize, Failed> {
+        let options = FrameOptions {
+            first,
+            most: 1 << 14,
+        };
+        let prepared = prepared_on(scene, Backend::Gpu);
+        let frame = GpuFrame::with(options, Arc::clone(stages), &prepared)?;
+        Ok(frame.page_count())
+    };
+    let shaded = pages(&there, FirstOnDevice::Generate)?;
+    let others = [
+        pages(&there, FirstOnDevice::Film)?,
+        pages(&here, FirstOnDevice::Generate)?,
+    ];
+    match others.iter().all(|&count| (2..shaded).contains(&count)) {
+        true => Ok(()),
+        false => Err(format!("{shaded} pages, and {others:?}").into()),
+    }
 }
 
 /// A scene whose mesh has other points, as a host edits it.
@@ -670,7 +711,12 @@ fn main() {
         |device: &Arc<Device>| Arc::clone(STAGES.get_or_init(|| Arc::new(Stages::new(device))));
     for (name, scene) in scenes() {
         let paged = scene.clone();
-        let run = move |device: &Arc<Device>| on_pages(&on(device), &paged);
+        let firsts: &[FirstOnDevice] = match name.as_str() {
+            // Its colours are of faces, and of instances.
+            "instances" => &FirstOnDevice::ALL,
+            _ => &[FirstOnDevice::Bound, FirstOnDevice::Generate],
+        };
+        let run = move |device: &Arc<Device>| on_pages(&on(device), &paged, firsts);
         trials.push((format!("pages_of_{name}"), Box::new(run)));
         let walk = ["still", "everything", "moving_instances"].contains(&name.as_str());
         let run = move |device: &Arc<Device>| match walk {
@@ -685,6 +731,8 @@ fn main() {
     }
     let fallen_back = move |_: &Arc<Device>| the_cpu_goes_on();
     trials.push(("the_cpu_goes_on".to_owned(), Box::new(fallen_back)));
+    let room = move |device: &Arc<Device>| colours_take_room(&on(device));
+    trials.push(("colours_take_room".to_owned(), Box::new(room)));
     let others = move |device: &Arc<Device>| others_are_shaded_here(&on(device));
     trials.push(("what_the_cpu_shades".to_owned(), Box::new(others)));
     device::run(trials);

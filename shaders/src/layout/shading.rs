@@ -10,12 +10,10 @@ use super::Hit;
 pub struct Look {
     /// 1: it takes rays away, and gives nothing.
     pub matte: u32,
-    /// Of its colour: 0 one for all, 1 one a face, 2 one a vertex.
+    /// Of its colour: 0 one for all, 1 one a grid, 2 one a vertex.
     pub kind: u32,
     /// First word of its colours, or of its own.
     pub paint: u32,
-    /// Faces that have one.
-    pub items: u32,
     /// Words from one colour to the next.
     pub stride: u32,
     /// Words of a colour at one key.

@@ -175,7 +175,6 @@ fn rust_layouts() -> Vec<Layout> {
             matte,
             kind,
             paint,
-            items,
             stride,
             lanes,
             paint_times,

@@ -9,7 +9,8 @@
 
 // A hit cell: its grid, and its corners (i,j) (i+1,j) (i+1,j+1) (i,j+1) among the grid's vertices.
 struct Cell {
-    element: u32,
+    // Its place on the page.
+    grid: u32,
     first_vertex: u32,
     // Vertices of the grid.
     count: u32,
@@ -26,7 +27,7 @@ fn cell_of(object: Object, hit: Hit) -> Cell {
     let a = hit.cell / nu * (nu + 1u) + hit.cell % nu;
     var out: Cell;
     out.first_vertex = words[header];
-    out.element = words[header + 1u];
+    out.grid = hit.grid;
     out.count = (nu + 1u) * ((rates >> 16u) + 1u);
     out.corners = vec4<u32>(a, a + 1u, a + nu + 2u, a + nu + 1u);
     if hit.u >= hit.v {

@@ -247,12 +247,10 @@ struct TilesLaunch {
 struct Look {
     // 1: it takes rays away, and gives nothing.
     matte: u32,
-    // Of its colour: 0 one for all, 1 one a face, 2 one a vertex.
+    // Of its colour: 0 one for all, 1 one a grid, 2 one a vertex.
     kind: u32,
     // First word of its colours, or of its own.
     paint: u32,
-    // Faces that have one.
-    items: u32,
     // Words from one to the next, and of one at a key.
     stride: u32,
     lanes: u32,

@@ -21,9 +21,9 @@
 const WORKGROUP: u32 = 64u;
 // Instance of a miss.
 const NONE: u32 = 0xffffffffu;
-// Where the value of a colour is: one for all, one a face, one a vertex.
+// Where the value of a colour is: one for all, one a grid, one a vertex.
 const CONSTANT: u32 = 0u;
-const FACES: u32 = 1u;
+const GRIDS: u32 = 1u;
 
 // A unit vector from 16 bits a coordinate: core's octahedral.
 fn decoded(bits: u32) -> vec3<f32> {
@@ -67,10 +67,8 @@ fn paint_at(look: Look, cell: Cell, key: u32) -> vec3<f32> {
     for (var c = 0u; c < min(look.lanes, 3u); c += 1u) {
         if look.kind == CONSTANT {
             out[c] = bitcast<f32>(paints[first + c]);
-        } else if look.kind == FACES {
-            if cell.element < look.items {
-                out[c] = bitcast<f32>(paints[first + cell.element * look.stride + c]);
-            }
+        } else if look.kind == GRIDS {
+            out[c] = bitcast<f32>(paints[first + cell.grid * look.stride + c]);
         } else {
             for (var i = 0u; i < 4u; i += 1u) {
                 if cell.weights[i] != 0.0 {

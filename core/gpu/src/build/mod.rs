@@ -39,6 +39,7 @@ use hdtrapeze_core::trace::world::{common, few_move};
 use hdtrapeze_shaders::stage::BuildStage;
 use wgpu::BufferUsages as Usage;
 
+use super::pages::Paints;
 use super::scene::{self, Arrays, MOVES, Made, Page, Start, Unit, upload};
 use super::{Device, FirstOnDevice, GpuError, GpuScene};
 use forest::Forest;
@@ -133,6 +134,16 @@ impl GpuScene {
         world: &World,
         options: &BuildOptions,
     ) -> Result<Self, GpuError> {
+        Self::painted(builder, world, options, &Paints::default())
+    }
+
+    /// The same with room on its pages for how objects look.
+    pub(crate) fn painted(
+        builder: &TreeBuilder,
+        world: &World,
+        options: &BuildOptions,
+        paints: &Paints,
+    ) -> Result<Self, GpuError> {
         let maker = match options.first {
             first if first < FirstOnDevice::Generate => Maker::Device(Making {
                 builder,
@@ -141,7 +152,7 @@ impl GpuScene {
             }),
             _ => Maker::Host(builder.device()),
         };
-        Self::made(&maker, world, options.most)
+        Self::made(&maker, world, options.most, paints)
     }
 
     /// Takes over `world`, whose vertices, matrices and key times may differ from those that the scene was made of, but not its
