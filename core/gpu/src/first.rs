@@ -12,9 +12,9 @@ pub enum FirstOnDevice {
     Build,
     /// The tree over instances.
     Instances,
-    /// Samples to rays.
+    /// Samples to rays; all trees are the CPU's from here on.
     Generate,
-    /// Rays to hits, through the CPU's trees from here on.
+    /// Rays to hits.
     Trace,
     /// Hits to colours.
     Shade,

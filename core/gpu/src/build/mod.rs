@@ -89,7 +89,7 @@ pub(crate) enum Maker<'a> {
 #[derive(Clone, Copy)]
 pub(crate) struct Making<'a> {
     builder: &'a TreeBuilder,
-    /// A stage before trace: those before it are the CPU's.
+    /// A stage before generate: those before it are the CPU's.
     first: FirstOnDevice,
     /// What is needed to refit them is kept.
     keep: bool,
