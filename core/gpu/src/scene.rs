@@ -147,22 +147,40 @@ impl GpuScene {
     ) -> Result<Self, GpuError> {
         let plan = pages::plan(parts, most, maker.trees(), paints);
         let device = maker.device();
-        let page = |world: &World, numbers: &[InWhole]| {
+        // What is uploaded is kept on the host until the device has taken it: that of two pages, no more.
+        let mut on_its_way = None;
+        let mut page = |world: &World, numbers: &[InWhole]| {
             let page = maker.page(world, numbers, most)?;
-            // What was uploaded is kept on the host until it is submitted.
-            device.wait(device.queue.submit([]))?;
+            if let Some(before) = on_its_way.replace(device.queue.submit([])) {
+                device.wait(before)?;
+            }
             Ok::<_, GpuError>(page)
         };
-        let pages = if plan.len() == 1 {
-            vec![page(parts.world(), &all(parts.world()))?]
+        let mut pages = Vec::with_capacity(plan.len());
+        if plan.len() == 1 {
+            pages.push(page(parts.world(), &all(parts.world()))?);
         } else {
-            // One after the other: what a piece takes here is given back before the next is made.
-            let piece = |picks: &Vec<Pick>| {
-                let piece = parts.piece(picks, maker.trees())?;
-                page(&piece.world, &piece.numbers)
+            let cut = |number: usize| {
+                let picks = plan.get(number);
+                picks
+                    .map(|picks| parts.piece(picks, maker.trees()))
+                    .transpose()
             };
-            plan.iter().map(piece).collect::<Result<_, _>>()?
-        };
+            let mut next = cut(0)?;
+            while let Some(piece) = next {
+                // The next is cut out of the world while this one is laid out and goes to the device.
+                let number = pages.len() + 1;
+                let (made, following) =
+                    rayon::join(|| page(&piece.world, &piece.numbers), || cut(number));
+                pages.push(made?);
+                // There may be room for it once this one is gone.
+                drop(piece);
+                next = following.or_else(|_| cut(number))?;
+            }
+        }
+        if let Some(last) = on_its_way {
+            device.wait(last)?;
+        }
         device.check()?;
         let one = pages.len() == 1;
         Ok(Self {
