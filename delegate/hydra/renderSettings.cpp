@@ -121,10 +121,16 @@ bool HdTrapezeIsInstantaneous(HdRenderIndex const& index, SdfPath const& id) {
 }
 
 void HdTrapezeReadShape(HdRenderIndex const& index, SdfPath const& id, trz_view* view) {
-    GfVec2i const resolution = _Authored(index, id, _tokens->resolution, GfVec2i(0));
-    GfVec4f const window = _Authored(index, id, _tokens->dataWindowNDC, GfVec4f(0.0f));
-    std::copy_n(resolution.data(), 2, view->resolution);
-    std::copy_n(window.data(), 4, view->data_window);
+    HdTrapezeSchema const settings(index, id, HdDataSourceLocator(_tokens->usdRenderSettings));
+    if (auto const at = VtValue::Cast<GfVec2i>(settings.Get(_tokens->resolution)); !at.IsEmpty()) {
+        std::copy_n(at.UncheckedGet<GfVec2i>().data(), 2, view->resolution);
+        view->has_resolution = 1;
+    }
+    if (auto const at = VtValue::Cast<GfVec4f>(settings.Get(_tokens->dataWindowNDC));
+        !at.IsEmpty()) {
+        std::copy_n(at.UncheckedGet<GfVec4f>().data(), 4, view->data_window);
+        view->has_data_window = 1;
+    }
 }
 
 HdTrapezeRenderSettings const* HdTrapezeActiveSettings(HdRenderIndex const& index) {

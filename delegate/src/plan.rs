@@ -26,14 +26,27 @@ const WHOLE: [f32; 4] = [0.0, 0.0, 1.0, 1.0];
 /// What a RenderSettings or RenderProduct prim says of the shape of its image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shape {
-    /// Width and height; 0 where they are not known.
+    /// Width and height.
     pub resolution: [i32; 2],
-    /// pixelAspectRatio; 0 where it is not known.
+    /// pixelAspectRatio.
     pub pixel_aspect: f32,
-    /// aspectRatioConformPolicy; empty where it is not known.
+    /// aspectRatioConformPolicy.
     pub conform: String,
-    /// dataWindowNDC: xmin, ymin, xmax, ymax, y up; 0 to 1 is the image; all 0 where it is not known.
+    /// dataWindowNDC: xmin, ymin, xmax, ymax, y up; 0 to 1 is the image.
     pub data_window: [f32; 4],
+}
+
+/// What a host knows of the shape that a RenderSettings prim says.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct KnownShape {
+    /// Width and height.
+    pub resolution: Option<[i32; 2]>,
+    /// pixelAspectRatio.
+    pub pixel_aspect: Option<f32>,
+    /// aspectRatioConformPolicy.
+    pub conform: Option<String>,
+    /// dataWindowNDC.
+    pub data_window: Option<[f32; 4]>,
 }
 
 /// A render product (UsdRenderProduct) as authored, and what its image is rendered with.
@@ -78,7 +91,7 @@ pub struct Request {
     pub settings_path: String,
     /// Its shape, of which products take what they say themselves, but cannot be. What cannot be of this
     /// either is as the schema has it, and what is not known is the view's.
-    pub shape: Shape,
+    pub shape: KnownShape,
     /// The view takes its resolution, pixel aspect and policy.
     pub shapes_view: bool,
     /// The view takes its data window.
@@ -188,11 +201,9 @@ impl Session {
         }
         check_writable(path.as_ref())?;
         let mine = product.shape.inherited(&request.shape, known);
-        let (shape, texts) = mine.or(known, |name, other| match name {
-            _ if request.shape.says(name) => "the render settings'".to_owned(),
-            "resolution" => "the host's".to_owned(),
-            "dataWindowNDC" => "all of the image".to_owned(),
-            _ => other,
+        let (shape, texts) = mine.or(known, |name, other| match request.shape.says(name, known) {
+            true => format!("the render settings' {other}"),
+            false => other,
         });
         for text in texts {
             self.say_once(&product.path, &text);
@@ -347,7 +358,7 @@ fn check_writable(path: &Path) -> Result<(), Error> {
 
 impl Shape {
     /// What the schema of RenderSettings says where nobody does.
-    fn of_schema() -> Self {
+    pub fn of_schema() -> Self {
         Self {
             resolution: [2048, 1080],
             pixel_aspect: 1.0,
@@ -356,30 +367,21 @@ impl Shape {
         }
     }
 
-    /// Whether it says something of an attribute.
-    fn says(&self, name: &str) -> bool {
-        match name {
-            "resolution" => self.resolution != [0; 2],
-            "pixelAspectRatio" => self.pixel_aspect != 0.0,
-            "aspectRatioConformPolicy" => !self.conform.is_empty(),
-            _ => self.data_window != [0.0; 4],
-        }
-    }
-
     /// The shape with the settings' values as they are `known` in place of those that it has of the
     /// settings, `raw`: what cannot be of them has been told.
-    fn inherited(&self, raw: &Self, known: &Self) -> Self {
+    fn inherited(&self, raw: &KnownShape, known: &Self) -> Self {
         let mut shape = self.clone();
-        if self.resolution == raw.resolution {
+        if Some(self.resolution) == raw.resolution {
             shape.resolution = known.resolution;
         }
-        if self.pixel_aspect.to_bits() == raw.pixel_aspect.to_bits() {
+        if Some(self.pixel_aspect.to_bits()) == raw.pixel_aspect.map(f32::to_bits) {
             shape.pixel_aspect = known.pixel_aspect;
         }
-        if self.conform == raw.conform {
+        if Some(&self.conform) == raw.conform.as_ref() {
             shape.conform.clone_from(&known.conform);
         }
-        if self.data_window.map(f32::to_bits) == raw.data_window.map(f32::to_bits) {
+        let bits = |window: [f32; 4]| window.map(f32::to_bits);
+        if Some(bits(self.data_window)) == raw.data_window.map(bits) {
             shape.data_window = known.data_window;
         }
         shape
@@ -405,10 +407,13 @@ impl Shape {
         if policy.is_none() {
             shape.conform.clone_from(&other.conform);
             let why = format!("known are {}", POLICIES.map(|known| known.0).join(", "));
-            let mine = self.conform.clone();
+            let mine = match self.conform.as_str() {
+                "" => "empty",
+                word => word,
+            };
             tell(
                 "aspectRatioConformPolicy",
-                mine,
+                mine.to_owned(),
                 &why,
                 other.conform.clone(),
             );
@@ -432,27 +437,34 @@ impl Shape {
     }
 }
 
+impl KnownShape {
+    /// Whether a value of what is `known` of the settings is theirs.
+    fn says(&self, name: &str, known: &Shape) -> bool {
+        match name {
+            "resolution" => self.resolution == Some(known.resolution),
+            "pixelAspectRatio" => self.pixel_aspect == Some(known.pixel_aspect),
+            "aspectRatioConformPolicy" => self.conform.as_ref() == Some(&known.conform),
+            _ => self.data_window == Some(known.data_window),
+        }
+    }
+}
+
 fn shown<T: ToString, const N: usize>(values: [T; N]) -> String {
     format!("({})", values.map(|value| value.to_string()).join(", "))
 }
 
 /// The settings' shape, complete: what is not known is the view's, what cannot be is as the schema has it.
 fn settings_shape(request: &Request) -> (Shape, Vec<String>) {
-    let mut shape = request.shape.clone();
     let schema = Shape::of_schema();
-    if !shape.says("resolution") {
-        let [width, height] = request.view.settings.resolution;
-        shape.resolution = [width, height].map(u32::cast_signed);
-    }
-    if !shape.says("pixelAspectRatio") {
-        shape.pixel_aspect = schema.pixel_aspect;
-    }
-    if !shape.says("aspectRatioConformPolicy") {
-        shape.conform.clone_from(&schema.conform);
-    }
-    if !shape.says("dataWindowNDC") {
-        shape.data_window = schema.data_window;
-    }
+    let authored = request.shape.clone();
+    let shape = Shape {
+        resolution: authored
+            .resolution
+            .unwrap_or_else(|| request.view.settings.resolution.map(u32::cast_signed)),
+        pixel_aspect: authored.pixel_aspect.unwrap_or(schema.pixel_aspect),
+        conform: authored.conform.unwrap_or_else(|| schema.conform.clone()),
+        data_window: authored.data_window.unwrap_or(schema.data_window),
+    };
     shape.or(&schema, |_, other| other)
 }
 
@@ -514,13 +526,10 @@ const POLICIES: [(&str, WindowPolicy); 5] = [
     ("adjustPixelAspectRatio", WindowPolicy::DontConform),
 ];
 
-/// What a policy makes of the window; USD's fallback where none is authored.
+/// What a policy makes of the window.
 fn policy(conform: &str) -> Option<WindowPolicy> {
     let found = POLICIES.iter().find(|known| known.0 == conform);
-    match conform {
-        "" => Some(WindowPolicy::Fit),
-        _ => found.map(|known| known.1),
-    }
+    found.map(|known| known.1)
 }
 
 /// Settings with the shape of an image, of which each part can be.
@@ -644,7 +653,7 @@ mod tests {
             let settings = image(&shape, camera_aspect, &RenderSettings::default()).unwrap();
             (settings.window_policy, settings.pixel_aspect)
         };
-        assert_eq!(made("", 2.0, 1.5), (WindowPolicy::Fit, 2.0));
+        assert_eq!(made("expandAperture", 2.0, 1.5), (WindowPolicy::Fit, 2.0));
         assert_eq!(
             made("cropAperture", f32::NAN, 1.5),
             (WindowPolicy::Crop, 1.0)
@@ -692,8 +701,12 @@ mod tests {
              and ymin < ymax; [dataWindowNDC: (0, 0, 0.5, 1)] is used",
         ];
         assert_eq!(told, expected);
+        let (made, told) = shape("", 2.0).or(&other, |_, value| value);
+        assert_eq!(made.conform, "cropAperture");
+        assert!(
+            told[0].starts_with("aspectRatioConformPolicy is empty, which cannot be: known are")
+        );
         for fine in [
-            shape("", 1.0),
             shape("expandAperture", 2.0),
             shape("adjustPixelAspectRatio", -1.0),
         ] {

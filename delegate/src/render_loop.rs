@@ -13,7 +13,7 @@ use hdtrapeze_core::scene::{PrimId, RenderSettings};
 
 use crate::edit::Edits;
 use crate::error::Error;
-use crate::file::ImageOptions;
+use crate::file::{self, ImageOptions};
 use crate::progress::State as SessionState;
 use crate::session::Session;
 use crate::status::lock;
@@ -86,6 +86,8 @@ struct State {
     quit: bool,
     /// Why the last render failed: told once on end, whatever is edited meanwhile.
     failure: String,
+    /// Where that is kept which the end of the host interrupted.
+    kept: Vec<String>,
 }
 
 impl State {
@@ -238,8 +240,12 @@ impl Inner {
             if state.quit {
                 let has_files = state.jobs.iter().any(|job| !job.files.is_empty());
                 if has_files && state.finished < state.wanted {
+                    let mut text =
+                        "the host is gone before all its products are written".to_owned();
+                    if !state.kept.is_empty() {
+                        text += &format!("; what was rendered is in {}", state.kept.join(", "));
+                    }
                     drop(state);
-                    let text = "the host is gone before all its products are written";
                     self.session.with_log(|| tracing::warn!("{text}"));
                 }
                 return;
@@ -277,7 +283,8 @@ impl Inner {
             let mut result = self
                 .session
                 .start_sealed(view.camera, &view.settings, &is_given_up);
-            if result.is_ok() {
+            let has_begun = result.is_ok();
+            if has_begun {
                 if is_last {
                     self.lock().readable = mine;
                 }
@@ -286,10 +293,8 @@ impl Inner {
             if self.lock().is_given_up(mine) {
                 // Fails where the session does, which the next call of the host tells.
                 let _ = self.session.cancel();
-                if self.lock().quit {
-                    self.keep(job);
-                }
-                return false;
+                // Else the session has the pixels of the render before.
+                return has_begun && self.lock().quit && self.keep(job);
             }
             let progress = self.session.progress();
             if !progress.is_ok_and(|progress| progress.state == SessionState::Cancelled) {
@@ -315,38 +320,48 @@ impl Inner {
         Ok(())
     }
 
-    /// Keeps what a render had that the end of the host interrupts, beside the places of its files.
-    fn keep(&self, job: &Job) {
+    /// Keeps what a render had that the end of the host interrupts, beside the places of its files; true
+    /// where it was whole by then, and is in their places.
+    fn keep(&self, job: &Job) -> bool {
         // Nothing is kept of a session that has failed.
         let _ = self.session.wait(None);
-        let progress = self.session.progress();
-        if !progress.is_ok_and(|progress| progress.samples_done > 0) {
-            return;
+        let Ok(progress) = self.session.progress() else {
+            return false;
+        };
+        let is_whole = progress.state == SessionState::Finished;
+        if progress.samples_done == 0 && !is_whole {
+            return false;
         }
         for file in &job.files {
             let image = ImageOptions {
-                partial: true,
+                partial: !is_whole,
                 ..file.image.clone()
             };
-            self.write_as(file, &image, None);
+            if self.write_as(file, &image, None) && !is_whole {
+                let path = file::partial(&file.path);
+                self.lock().kept.push(path.display().to_string());
+            }
         }
+        is_whole
     }
 
     fn write(&self, file: &Output, failure: Option<&str>) {
         self.write_as(file, &file.image, failure);
     }
 
-    fn write_as(&self, file: &Output, image: &ImageOptions, failure: Option<&str>) {
+    /// Whether it is written; of what is not there has been a warning.
+    fn write_as(&self, file: &Output, image: &ImageOptions, failure: Option<&str>) -> bool {
         let why = match failure {
             Some(failure) => failure.to_owned(),
             None => match self.session.write_image(&file.path, image) {
-                Ok(()) => return,
+                Ok(()) => return true,
                 Err(error) => error.to_string(),
             },
         };
         let (prim, path) = (file.owner.as_str(), file.path.display());
         self.session
             .with_log(|| tracing::warn!(prim, "{path} cannot be written: {why}"));
+        false
     }
 
     fn tell(&self, failure: String) {
@@ -355,5 +370,92 @@ impl Inner {
             self.session.with_log(|| tracing::error!("{failure}"));
         }
         self.lock().failure = failure;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs::{create_dir_all, read_dir, remove_dir_all};
+
+    use super::*;
+    use crate::edit::Kind;
+    use crate::file::FileType;
+    use crate::image::PngColor;
+    use crate::session::tests::NoSubdivision;
+
+    /// A loop without its thread, which was asked for a render once, a camera and an empty folder.
+    fn asked(name: &str) -> (RenderLoop, PrimId, PathBuf) {
+        let session = Arc::new(Session::new(Box::new(NoSubdivision)));
+        let camera = session.create(Kind::Camera, "/camera").unwrap();
+        session.seal();
+        let asked = RenderLoop::new(session);
+        asked.inner.lock().wanted = 1;
+        let folder = std::env::temp_dir().join(format!("hdtrapeze-{name}-{}", std::process::id()));
+        create_dir_all(&folder).unwrap();
+        (asked, camera, folder)
+    }
+
+    fn job(camera: PrimId, path: PathBuf) -> Job {
+        let aovs = vec!["color".to_owned()];
+        Job {
+            view: View {
+                camera: Some(camera),
+                settings: RenderSettings {
+                    resolution: [4, 4],
+                    samples: 1,
+                    aovs: aovs.clone(),
+                    ..RenderSettings::default()
+                },
+            },
+            files: vec![Output {
+                owner: "/product".to_owned(),
+                path,
+                image: ImageOptions {
+                    file: FileType::Png,
+                    color: PngColor::Srgb,
+                    aovs,
+                    vars: Vec::new(),
+                    metadata: Vec::new(),
+                    partial: false,
+                },
+            }],
+        }
+    }
+
+    /// The names of files in a folder, which then is no more.
+    fn taken(folder: PathBuf) -> Vec<String> {
+        let names = read_dir(&folder).unwrap().map(|entry| {
+            let name = entry.unwrap().file_name();
+            name.into_string().unwrap()
+        });
+        let mut names: Vec<_> = names.collect();
+        names.sort();
+        remove_dir_all(folder).unwrap();
+        names
+    }
+
+    #[test]
+    fn what_has_not_begun_keeps_nothing_of_the_render_before() {
+        let (asked, camera, folder) = asked("begun");
+        let [first, second] = ["a.png", "b.png"].map(|name| job(camera, folder.join(name)));
+        assert!(asked.inner.run_job(&first, 1, false));
+        // The host goes while the first one's files are written.
+        asked.inner.lock().quit = true;
+        assert!(!asked.inner.run_job(&second, 1, true));
+        assert_eq!(taken(folder), ["a.png"]);
+    }
+
+    #[test]
+    fn what_is_whole_as_the_host_goes_is_no_part() {
+        let (asked, camera, folder) = asked("whole");
+        let job = job(camera, folder.join("a.png"));
+        let rendered = Job {
+            files: Vec::new(),
+            ..job.clone()
+        };
+        assert!(asked.inner.run_job(&rendered, 1, true));
+        assert!(asked.inner.keep(&job));
+        assert!(asked.inner.lock().kept.is_empty());
+        assert_eq!(taken(folder), ["a.png"]);
     }
 }

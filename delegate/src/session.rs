@@ -743,7 +743,7 @@ fn render_all(
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use std::sync::atomic::AtomicU32;
 
     use std::ops::RangeInclusive;
@@ -756,7 +756,7 @@ mod tests {
 
     use super::*;
 
-    struct NoSubdivision;
+    pub(crate) struct NoSubdivision;
 
     impl SubdivisionFactory for NoSubdivision {
         fn create(

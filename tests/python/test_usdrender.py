@@ -114,12 +114,36 @@ def test_products_that_agree_share_a_render(scene, monkeypatch):
     scene.product("b", "ids")
     scene.product("c", "color", resolution=Gf.Vec2i(20, 20))
     assert scene.run() == 0
-    assert counted == [["color"], ["color", "depth", "primId"]], "the one that is named is last"
+    assert counted == [["color", "depth", "primId"], ["color"]], "the one that is named is first"
     assert set(exr_header(scene.path("b.exr"))["channels"]) == {"ids.X"}
     assert set(exr_header(scene.path("a.exr"))["channels"]) == {*"RGBA", "depth.Z"}
     counted.clear()
     assert scene.run("-w", 30, "--no-motion-blur") == 0
     assert len(counted) == 3
+
+
+def test_crops_and_overscans_are_of_the_images_that_are_rendered(scene, monkeypatch, capsys):
+    counted = count_renders(monkeypatch)
+    # Pixels that an image of 960 x 960, the command's without a shape of settings, has not.
+    scene.settings.GetResolutionAttr().Set(Gf.Vec2i(1200, 1080))
+    scene.product("shot")
+    scene.product("small", resolution=Gf.Vec2i(40, 40))
+    crop = ["--crop", 0, 1000, 100, 1080]
+    assert scene.run(*crop, out="own.exr") == 1
+    one(capsys, "/Render/small", "holds no pixel of an image of 40 x 40")
+    assert len(counted) == 1
+    for name in ("own", "shot"):
+        header = exr_header(scene.path(f"{name}.exr"))
+        assert header["dataWindow"] == (0, 1000, 99, 1079)
+        assert header["displayWindow"] == (0, 0, 1199, 1079)
+    counted.clear()
+    scene.settings.GetResolutionAttr().Set(Gf.Vec2i(40, 40))
+    assert scene.run("--overscan", 2, out="own.exr") == 0
+    assert len(counted) == 1
+    for name in ("own", "shot", "small"):
+        assert exr_header(scene.path(f"{name}.exr"))["dataWindow"] == (-2, -2, 41, 41)
+    assert scene.run("--crop", 50, 0, 60, 20) == 2
+    assert "no pixel of an image of 40 x 40" in capsys.readouterr().err
 
 
 def test_blur_and_lens_of_products(scene, monkeypatch):
@@ -342,7 +366,7 @@ def test_own_settings(scene, monkeypatch):
     own(product.GetPrim(), seed=6)
     scene.flags = []
     assert scene.run("-c", "high", out="own.exr") == 0
-    second, first = seen  # products come before the image that is named
+    first, second = seen  # the image that is named comes before products
     assert (first.samples, first.shading_rate, first.seed) == (16, 1.0, 5)
     assert (first.filter, first.filter_width) == ("mitchell", 3.0)
     assert (first.max_micropolygons, first.camera_light) == (1000, False)

@@ -1,5 +1,7 @@
 """RenderSettings, products, vars and passes that are faulty: one warning each, the rest renders."""
 
+import os
+
 import hdtrapeze
 import numpy as np
 import pytest
@@ -104,6 +106,61 @@ def test_a_product_that_fails_at_the_last_moment(scene, capsys):
     assert scene.path("own.png").exists()
 
 
+def test_folders_that_are_not_writable_are_found_before_the_first_ray(scene, monkeypatch, capsys):
+    folder = scene.path("closed")
+    folder.mkdir()
+    scene.product("lost", file="closed/lost.exr", resolution=Gf.Vec2i(20, 20))
+    access = os.access
+    monkeypatch.setattr(os, "access", lambda at, mode: at != folder and access(at, mode))
+    rendered = []
+    original = hdtrapeze.render.Renderer.render
+
+    def render(self, *args):
+        rendered.append(self.resolution)
+        original(self, *args)
+
+    monkeypatch.setattr(hdtrapeze.render.Renderer, "render", render)
+    assert scene.run() == 3
+    one(capsys, "/Render/lost", f"the folder {folder} is not writable; it is not written")
+    assert rendered == [(40, 40)]
+
+
+def test_a_render_that_fails_does_not_end_the_others(scene, monkeypatch, capsys):
+    for name, size in (("bad", 20), ("good", 30)):
+        scene.product(name, resolution=Gf.Vec2i(size, size))
+    original = hdtrapeze.render.Renderer.render
+    broken = 20
+
+    def render(self, *args):
+        if self.resolution[0] == broken:
+            raise hdtrapeze.errors.SceneError("The render failed.")
+        original(self, *args)
+
+    monkeypatch.setattr(hdtrapeze.render.Renderer, "render", render)
+    assert scene.run() == 1
+    one(capsys, "/Render/bad", "The render failed; it is not written")
+    names = {path.name for path in scene.folder.iterdir()}
+    assert names == {"scene1.usda", "own.png", "good.exr"}
+    broken = 40
+    assert scene.run(out="again.png") == 1
+    assert capsys.readouterr().err == "error: Frame 1: The render failed.\n"
+    assert scene.path("bad.exr").exists() and not scene.path("again.png").exists()
+
+
+def test_what_ends_the_command_in_a_product_leaves_the_image_that_is_named(scene, monkeypatch):
+    scene.product("shot", resolution=Gf.Vec2i(20, 20))
+    original = hdtrapeze.render.Renderer.render
+
+    def render(self, *args):
+        original(self, *args)
+        if self.resolution == (20, 20):
+            raise hdtrapeze.errors.Interrupted("Interrupted.")
+
+    monkeypatch.setattr(hdtrapeze.render.Renderer, "render", render)
+    assert scene.run() == 130
+    assert scene.path("own.png").exists()
+
+
 def test_a_product_takes_the_place_of_the_image_of_its_name(scene, capsys):
     scene.var("depth")
     scene.product("own", "color", "depth")
@@ -154,6 +211,10 @@ def test_several_cameras_are_one_warning(scene, capsys):
     [
         ("resolution", Gf.Vec2i(0, 20), "(2048, 1080) is used"),
         ("resolution", Gf.Vec2i(20, 1 << 20), "65536"),
+        ("resolution", Gf.Vec2i(0, 0), "(0, 0), which cannot be"),
+        ("pixelAspectRatio", 0.0, "is 0, which cannot be"),
+        ("aspectRatioConformPolicy", "", "is empty, which cannot be"),
+        ("dataWindowNDC", Gf.Vec4f(0, 0, 0, 0), "is (0, 0, 0, 0), which cannot be"),
         ("pixelAspectRatio", -1.0, "from 0.001 to 1000"),
         ("pixelAspectRatio", 1e30, "from 0.001 to 1000"),
         ("aspectRatioConformPolicy", "stretch", "adjustPixelAspectRatio; expandAperture is used"),
@@ -174,7 +235,7 @@ def test_a_products_values_that_cannot_be_are_the_settings(scene, capsys):
     scene.settings.CreateDataWindowNDCAttr(Gf.Vec4f(0, 0, 0.5, 1))
     scene.product("shot", dataWindowNDC=Gf.Vec4f(0.5, 0, 0.5, 1), resolution=Gf.Vec2i(40, 40))
     assert scene.run("-w", 40) == 0
-    one(capsys, "/Render/shot", "dataWindowNDC is (0.5, 0, 0.5, 1)", "the render settings' is used")
+    one(capsys, "/Render/shot", "dataWindowNDC is (0.5, 0, 0.5, 1)", "settings' (0, 0, 0.5, 1) is")
     assert exr_header(scene.path("shot.exr"))["dataWindow"] == (0, 0, 19, 39)
 
 

@@ -163,14 +163,23 @@ class Options:
 
     def image(self, aspect: float) -> dict:
         """The other fields of trz_settings, for a camera of this aspect."""
+        window = self.data_window(*self.resolution(aspect))
+        return self.whole_image(aspect) | {"data_window": window}
+
+    def whole_image(self, aspect: float) -> dict:
+        """Those fields without the data window."""
         width, height = self.resolution(aspect)
         policy = WINDOW_POLICIES[self.window_policy]
-        return {
+        return self.of_no_shape() | {
             "width": width,
             "height": height,
-            "data_window": self.data_window(width, height),
             "pixel_aspect": self.shape_of_pixels(aspect, width, height),
             "window_policy": getattr(native.constants(), f"TRZ_WINDOW_{policy}"),
+        }
+
+    def of_no_shape(self) -> dict:
+        """Those that the image's shape has no part in."""
+        return {
             "time_window": self.time_window,
             "fix_lens": self.lens_point is not None,
             "lens_point": self.lens_point or (0.0, 0.0),

@@ -6,15 +6,17 @@ library plans, as for Hydra's hosts: here it is told what the stage says, and he
 
 import math
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from pxr import UsdGeom
 
 from . import native
-from .arrays import Arrays
+from .arrays import Arrays, text
 from .camera import camera_aspect, settings_camera
+from .errors import OutputError, UsageError
 from .log import SceneLog
 from .options import Options
-from .outputs import Output
+from .outputs import Output, check_writable
 from .planned import Planned
 from .products import Product, fill_var, read_products
 from .render import Renderer
@@ -39,8 +41,9 @@ class FramePlan:
     """What is rendered of a frame, in this order."""
 
     renders: list[Render]
+    """That of the command's own image is the first."""
     own: Render | None = None
-    """The one of the command's own image, if that can be."""
+    """It, if that image can be."""
     refused: dict[str, str] = field(default_factory=dict)
     """Products that are not written, and why."""
 
@@ -84,6 +87,8 @@ class Planner:
         for product, file, options, camera in zip(
             self._products, planned, wanted, cameras, strict=True
         ):
+            if file.is_written:
+                file = self._checked(product.path, file, options)
             if not file.is_written:
                 plan.refused[product.path] = file.why
                 self._unwritten.add(product.path, file)
@@ -94,13 +99,34 @@ class Planner:
             output.metadata = self._facts | {"hdtrapeze/renderProduct": product.path}
             add(file, options, camera, output)
         if own.is_written:
+            # Before the first ray: a crop without a pixel is a fault of the command.
+            request.options.planned(own).data_window(own.width, own.height)
             output = Output(request.options, path, color=color, metadata=self._facts)
             add(own, request.options, request.camera, output)
             plan.own = renders[own.render]
         else:
             self._unwritten.add("", own)
-        plan.renders = [renders[number] for number in sorted(renders)]
+        # What ends the command in a product has the image that is named by then.
+        numbers = sorted(renders, key=lambda number: (renders[number] is not plan.own, number))
+        plan.renders = [renders[number] for number in numbers]
         return plan
+
+    def _checked(self, path: str, file: Planned, options: Options) -> Planned:
+        """The file of a product; after a warning, why it cannot be, as far as the library does not
+        know: it has no crop, and tries no folder."""
+        constants = native.constants()
+        try:
+            options.planned(file).data_window(file.width, file.height)
+            check_writable(Path(file.path))
+            return file
+        except UsageError as error:
+            result, why = constants.TRZ_ERROR_INVALID_ARGUMENT, error
+        except OutputError as error:
+            result, why = constants.TRZ_ERROR_IO, error
+        why = str(why).removesuffix(".")
+        why = why[:1].lower() + why[1:]
+        self._log.warn(path, "product", f"{why}; it is not written")
+        return Planned(result, why)
 
     def _view(self, renderer: Renderer, frame: float | None, path: str, arrays: Arrays):
         request = self._request
@@ -108,13 +134,16 @@ class Planner:
         view = native.new("trz_view")
         view.camera = renderer.camera_id(_path(camera))
         view.camera_aspect = camera_aspect(camera, frame, self._log)
-        view.settings = arrays.settings(_named(options), options.image(view.camera_aspect))
+        # A crop or overscan is of the shape that the image comes to have: see Options.planned.
+        image = options.whole_image(view.camera_aspect)
+        view.settings = arrays.settings(_named(options), image)
         view.aovs, view.aov_count = arrays.texts(options.aovs), len(options.aovs)
         view.frame = math.nan if frame is None else frame
         view.path = arrays.text(path)
         if request.settings and shape:
             view.settings_path = arrays.text(str(request.settings.GetPath()))
             _fill_shape(view, self._windowed(shape), arrays)
+            view.has_resolution = view.has_data_window = view.has_pixel_aspect = 1
             view.shapes_view, view.windows_view = request.takes_shape, request.takes_window
         return view
 
@@ -136,8 +165,7 @@ class Planner:
             out.camera = renderer.camera_id(_path(camera))
             out.camera_aspect = camera_aspect(camera, frame, self._log)
         _fill_shape(out, self._windowed(product.shape), arrays)
-        image = {name: options.image(1.0)[name] for name in PER_RENDER}
-        out.settings = arrays.settings(_named(options), image)
+        out.settings = arrays.settings(_named(options), options.of_no_shape())
         vars_ = arrays.keep(native.ffi.new("trz_render_var[]", len(product.vars)))
         for place, var in zip(vars_, product.vars, strict=True):
             fill_var(place, var, arrays)
@@ -152,13 +180,11 @@ class Planner:
         return Shape(shape.resolution, shape.pixel_aspect, shape.conform, WHOLE)
 
 
-PER_RENDER = ("time_window", "fix_lens", "lens_point", "occlusion_culling")
-"""Fields of trz_settings that are of no product's own."""
-
-
 def _fill_shape(out, shape: Shape, arrays: Arrays) -> None:
     out.resolution, out.data_window = shape.resolution, shape.data_window
-    out.pixel_aspect, out.conform = shape.pixel_aspect, arrays.text(shape.conform)
+    out.pixel_aspect = shape.pixel_aspect
+    # Also an empty one: it is not the same as none.
+    out.conform = arrays.keep(native.ffi.new("char[]", text(shape.conform)))
 
 
 def _named(options: Options) -> dict:

@@ -136,13 +136,32 @@ def _record_frame(command, renderer, frame, details) -> None:
     plan = command.planner.plan(renderer, frame, path, command.args.colorCorrectionMode)
     command.diagnostics.report()
     _stop_at_warnings(command.args, command.log)
-    details["seconds"] = 0.0
+    details["seconds"], failure = 0.0, None
     for render in plan.renders:
         renderer.options = render.options
-        with command.trace.span("read stage"):
-            renderer.load(command.stage, frame, render.camera)
-            command.diagnostics.report()
-        details["seconds"] += _render(command, renderer, frame, render, len(plan.renders) > 1)
+        try:
+            with command.trace.span("read stage"):
+                renderer.load(command.stage, frame, render.camera)
+                command.diagnostics.report()
+            several = len(plan.renders) > 1
+            details["seconds"] += _render(command, renderer, frame, render, several)
+        except (SceneError, OutputError) as error:
+            if command.args.abortOnError:
+                raise
+            _lose_products(command, render, error)
+            if render is plan.own:
+                failure = error
+    if failure:
+        raise failure
+
+
+def _lose_products(command: _Command, render: Render, error: HdTrapezeError) -> None:
+    """Tells of the products whose render failed. The others are still rendered."""
+    for output in render.outputs:
+        if output.owner and isinstance(error, SceneError):
+            text = f"{str(error).removesuffix('.')}; it is not written"
+            command.log.warn(output.owner, "product-render", text)
+            command.unwritten.refused.append(output.owner)
 
 
 def _render(command, renderer, frame, render: Render, several: bool) -> float:

@@ -1131,11 +1131,11 @@ typedef struct trz_view {
   double frame;
   // Path of the RenderSettings prim that products are of; NULL for none.
   const char *settings_path;
-  // Its resolution, for products whose own cannot be; 0 where that is not known: then the view's.
+  // Its resolution, for products whose own cannot be; the view's where has_resolution is 0.
   int32_t resolution[2];
-  // The same of its dataWindowNDC, as a product's; all 0 where that is not known: then all of the image.
+  // The same of its dataWindowNDC, as a product's; all of the image where has_data_window is 0.
   float data_window[4];
-  // The same of its pixelAspectRatio; 0 where that is not known: then 1.
+  // The same of its pixelAspectRatio; 1 where has_pixel_aspect is 0.
   float pixel_aspect;
   // The same of its aspectRatioConformPolicy; NULL where that is not known: then expandAperture.
   const char *conform;
@@ -1147,6 +1147,12 @@ typedef struct trz_view {
   double camera_aspect;
   // The file that the host itself writes of the view, which a product may have taken; NULL for none.
   const char *path;
+  // 1: resolution is known. What cannot be of what is known is told, and is as the schema has it.
+  uint32_t has_resolution;
+  // The same of data_window.
+  uint32_t has_data_window;
+  // The same of pixel_aspect.
+  uint32_t has_pixel_aspect;
 } trz_view;
 
 // A render var of a product (UsdRenderVar) as authored. Texts are UTF-8; NULL where nothing is
@@ -1906,7 +1912,8 @@ trz_result trz_view_render(struct trz_session *session,
                            size_t product_count);
 
 // Gives up what trz_view_render has rendered, and keeps it from rendering until trz_view_resume; 1: waits
-// until nothing runs. What was rendered can be read.
+// until nothing runs. What was rendered can be read, but no file is kept of it: not where the session is
+// destroyed before trz_view_resume either.
 //
 // Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_BUSY (waiting inside a log
 // callback), TRZ_ERROR_POISONED. Threads: any.
@@ -1932,7 +1939,8 @@ trz_result trz_view_show(struct trz_session *session,
 // Says what trz_view_render would make of a view and its products, for a host that renders and writes
 // each by itself: which share a render, where they are written, and which cannot be, of which one warning
 // tells. Renders are numbered in the order in which trz_view_render makes them. The caller gives the plan
-// back to trz_plan_destroy; the session is not changed.
+// back to trz_plan_destroy. No edit and no render of the session is changed; it remembers the files, so
+// that a plan of another frame tells where that would replace them.
 //
 // Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_OUT_OF_MEMORY,
 // TRZ_ERROR_POISONED. Threads: any.

@@ -101,7 +101,8 @@ fn files(plan: &Plan) -> Vec<PlannedFile> {
 /// Says what trz_view_render would make of a view and its products, for a host that renders and writes
 /// each by itself: which share a render, where they are written, and which cannot be, of which one warning
 /// tells. Renders are numbered in the order in which trz_view_render makes them. The caller gives the plan
-/// back to trz_plan_destroy; the session is not changed.
+/// back to trz_plan_destroy. No edit and no render of the session is changed; it remembers the files, so
+/// that a plan of another frame tells where that would replace them.
 ///
 /// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_OUT_OF_MEMORY,
 /// TRZ_ERROR_POISONED. Threads: any.

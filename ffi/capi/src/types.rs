@@ -671,11 +671,11 @@ pub struct trz_view {
     pub frame: f64,
     /// Path of the RenderSettings prim that products are of; NULL for none.
     pub settings_path: *const c_char,
-    /// Its resolution, for products whose own cannot be; 0 where that is not known: then the view's.
+    /// Its resolution, for products whose own cannot be; the view's where has_resolution is 0.
     pub resolution: [i32; 2],
-    /// The same of its dataWindowNDC, as a product's; all 0 where that is not known: then all of the image.
+    /// The same of its dataWindowNDC, as a product's; all of the image where has_data_window is 0.
     pub data_window: [f32; 4],
-    /// The same of its pixelAspectRatio; 0 where that is not known: then 1.
+    /// The same of its pixelAspectRatio; 1 where has_pixel_aspect is 0.
     pub pixel_aspect: f32,
     /// The same of its aspectRatioConformPolicy; NULL where that is not known: then expandAperture.
     pub conform: *const c_char,
@@ -687,6 +687,12 @@ pub struct trz_view {
     pub camera_aspect: f64,
     /// The file that the host itself writes of the view, which a product may have taken; NULL for none.
     pub path: *const c_char,
+    /// 1: resolution is known. What cannot be of what is known is told, and is as the schema has it.
+    pub has_resolution: u32,
+    /// The same of data_window.
+    pub has_data_window: u32,
+    /// The same of pixel_aspect.
+    pub has_pixel_aspect: u32,
 }
 
 /// A render product (UsdRenderProduct) as authored, and what its image is rendered with. Texts are

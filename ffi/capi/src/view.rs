@@ -42,7 +42,8 @@ pub unsafe extern "C" fn trz_view_render(
 }
 
 /// Gives up what trz_view_render has rendered, and keeps it from rendering until trz_view_resume; 1: waits
-/// until nothing runs. What was rendered can be read.
+/// until nothing runs. What was rendered can be read, but no file is kept of it: not where the session is
+/// destroyed before trz_view_resume either.
 ///
 /// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_INVALID_ARGUMENT, TRZ_ERROR_BUSY (waiting inside a log
 /// callback), TRZ_ERROR_POISONED. Threads: any.

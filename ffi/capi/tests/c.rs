@@ -134,7 +134,8 @@ fn all_layouts() -> Layouts {
         trz_setting { struct_size, of_prims, name, label, fallback, kind, range, words, doc }
         trz_view {
             struct_size, aov_count, camera, settings, aovs, frame, settings_path, resolution, data_window,
-            pixel_aspect, conform, shapes_view, windows_view, camera_aspect, path,
+            pixel_aspect, conform, shapes_view, windows_view, camera_aspect, path, has_resolution,
+            has_data_window, has_pixel_aspect,
         }
         trz_product {
             struct_size, pixel_aspect, path, r#type, name, camera, camera_path, camera_aspect, resolution,

@@ -1,9 +1,11 @@
 //! Views and render products.
 
+use std::ffi::c_char;
+
 use hdtrapeze_core::scene::{PrimId, RenderSettings};
 use hdtrapeze_delegate::Session;
 use hdtrapeze_delegate::buffer::{Component, Layout};
-use hdtrapeze_delegate::plan::{Product, Request, Shape};
+use hdtrapeze_delegate::plan::{KnownShape, Product, Request, Shape};
 use hdtrapeze_delegate::render_loop::View;
 
 use super::primvar::numbers;
@@ -36,11 +38,13 @@ pub(crate) unsafe fn request(
             path: text_or_empty(from.path, "path")?,
             frame: Some(from.frame).filter(|frame| frame.is_finite()),
             settings_path: text_or_empty(from.settings_path, "settings_path")?,
-            shape: Shape {
-                resolution: from.resolution,
-                pixel_aspect: from.pixel_aspect,
-                conform: text_or_empty(from.conform, "conform")?,
-                data_window: from.data_window,
+            shape: KnownShape {
+                resolution: flag(from.has_resolution, "has_resolution")?.then_some(from.resolution),
+                pixel_aspect: flag(from.has_pixel_aspect, "has_pixel_aspect")?
+                    .then_some(from.pixel_aspect),
+                conform: conform(from.conform)?,
+                data_window: flag(from.has_data_window, "has_data_window")?
+                    .then_some(from.data_window),
             },
             shapes_view: flag(from.shapes_view, "shapes_view")?,
             windows_view: flag(from.windows_view, "windows_view")?,
@@ -64,7 +68,7 @@ unsafe fn product(session: &Session, from: &trz_product) -> Result<Product, Faul
             shape: Shape {
                 resolution: from.resolution,
                 pixel_aspect: from.pixel_aspect,
-                conform: text_or_empty(from.conform, "conform")?,
+                conform: conform(from.conform)?.unwrap_or_else(|| Shape::of_schema().conform),
                 data_window: from.data_window,
             },
             settings,
@@ -72,6 +76,16 @@ unsafe fn product(session: &Session, from: &trz_product) -> Result<Product, Faul
             vars: render_vars(from.vars, from.var_count)?,
             var_targets: from.var_target_count,
         })
+    }
+}
+
+/// An aspectRatioConformPolicy, none where there is no text.
+/// Safety: the pointer is null or to a text.
+unsafe fn conform(from: *const c_char) -> Result<Option<String>, Fault> {
+    match from.is_null() {
+        true => Ok(None),
+        // SAFETY: as the caller promises.
+        false => Ok(Some(unsafe { text(from, "conform") }?.to_owned())),
     }
 }
 

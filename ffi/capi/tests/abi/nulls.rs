@@ -82,6 +82,8 @@ fn null_session() {
     };
     // SAFETY: null is ignored.
     unsafe { trz_session_destroy(null_mut()) };
+    // SAFETY: null is allowed.
+    unsafe { trz_plan_destroy(null_mut()) };
 
     let header = include_str!("../../include/hdtrapeze.h");
     let takes_session = header

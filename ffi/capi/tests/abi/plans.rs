@@ -99,11 +99,14 @@ fn files_renders_and_refusals() {
         path: c"/tmp/a.0007.exr".as_ptr(),
         ..view(&settings, &color)
     };
-    let of = |path: &'static CStr, name: &'static CStr| trz_product {
+    let of = |path: &'static CStr, name: &CStr| trz_product {
         name: name.as_ptr(),
         camera,
         ..product(path.as_ptr(), &settings)
     };
+    let folder = std::env::temp_dir().join(format!("hdtrapeze-{}.exr", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let folder_name = CString::new(folder.to_str().unwrap()).unwrap();
     let var = trz_render_var {
         source_name: c"depth".as_ptr(),
         ..render_var(c"/depth".as_ptr())
@@ -125,7 +128,7 @@ fn files_renders_and_refusals() {
             ..of(c"/deep", c"/tmp/deep.exr")
         },
         of(c"/lost", c"/no such folder/a.exr"),
-        of(c"/folder.exr", c"/tmp"),
+        of(c"/folder", &folder_name),
         trz_product {
             var_target_count: 1,
             ..of(c"/none", c"/tmp/none.exr")
@@ -146,7 +149,7 @@ fn files_renders_and_refusals() {
             invalid,
             (TRZ_ERROR_UNSUPPORTED, 0),
             (TRZ_ERROR_IO, 0),
-            invalid,
+            (TRZ_ERROR_IO, 0),
             invalid,
             invalid,
         ]
@@ -156,7 +159,9 @@ fn files_renders_and_refusals() {
     assert_eq!((files[1].size, files[2].size), ([16, 8], [9, 9]));
     assert_eq!(files[3].why, "/tmp/../tmp/b.exr is already written by /b");
     assert_eq!(files[5].why, "the folder /no such folder does not exist");
+    assert!(files[6].why.ends_with(" is a folder"), "{:?}", files[6]);
     assert_eq!(files[8].why, "/tmp/a.0007.exr is already written by /a");
+    std::fs::remove_dir(&folder).unwrap();
     // Without a file of that name it is the last render.
     let own = trz_view {
         path: null(),
@@ -181,6 +186,9 @@ fn shapes_of_settings() {
         conform: c"adjustApertureHeight".as_ptr(),
         shapes_view: 1,
         windows_view: 1,
+        has_resolution: 1,
+        has_data_window: 1,
+        has_pixel_aspect: 1,
         ..view(&settings, &color)
     };
     let wrong = trz_product {
@@ -209,11 +217,16 @@ fn shapes_of_settings() {
     };
     assert_eq!(of("/set").len(), 2, "{told:?}");
     assert_eq!(of("/wrong").len(), 4, "{told:?}");
-    let used = "the render settings' is used";
-    assert!(
-        of("/wrong").iter().all(|told| told.3.ends_with(used)),
-        "{told:?}"
-    );
+    // Two of the settings' cannot be either, and so are as the schema has them.
+    for used in [
+        "pixels; (2048, 1080) is used",
+        "1000; 1 is used",
+        "adjustPixelAspectRatio; the render settings' adjustApertureHeight is used",
+        "ymax; the render settings' (0, 0, 0.5, 1) is used",
+    ] {
+        let found = of("/wrong").iter().any(|told| told.3.ends_with(used));
+        assert!(found, "{used}: {told:?}");
+    }
     // What is not asked for stays.
     let own = trz_view {
         shapes_view: 0,
@@ -232,6 +245,58 @@ fn shapes_of_settings() {
     let files = plan(&session, &empty, &[]);
     assert_eq!(files[0].result, TRZ_ERROR_INVALID_ARGUMENT);
     assert!(files[0].why.contains("holds no pixel"), "{files:?}");
+}
+
+#[test]
+fn zeros_are_told_where_they_are_known() {
+    let session = Session::with_camera();
+    let camera = session.camera("/c");
+    let (settings, color) = (settings_default(), [c"color".as_ptr()]);
+    let unknown = trz_view {
+        camera,
+        settings_path: c"/set".as_ptr(),
+        shapes_view: 1,
+        windows_view: 1,
+        ..view(&settings, &color)
+    };
+    let same = trz_product {
+        name: c"/tmp/a.exr".as_ptr(),
+        camera,
+        resolution: [0; 2],
+        data_window: [0.0; 4],
+        pixel_aspect: 0.0,
+        conform: c"".as_ptr(),
+        ..product(c"/same".as_ptr(), &settings)
+    };
+    let received = Received::default();
+    listen(&session, &received, TRZ_LOG_WARN);
+    let told = |prim: &str| {
+        let mut told = received.take();
+        told.retain(|told| told.1 == prim && told.3.contains("cannot be"));
+        told.len()
+    };
+    let files = plan(&session, &unknown, &[same]);
+    assert_eq!(told("/same"), 4, "none is the settings'");
+    for file in &files {
+        assert_eq!(file.size, [settings.width, settings.height]);
+        assert_eq!(file.window, [0; 4]);
+    }
+    let known = trz_view {
+        has_resolution: 1,
+        has_data_window: 1,
+        has_pixel_aspect: 1,
+        conform: c"".as_ptr(),
+        ..unknown
+    };
+    for told_now in [4, 0] {
+        let files = plan(&session, &known, &[same]);
+        assert_eq!(told("/set"), told_now);
+        for file in &files {
+            assert_eq!(file.size, [2048, 1080]);
+            assert_eq!((file.window, file.pixel_aspect), ([0; 4], 1.0));
+            assert_eq!(file.policy, TRZ_WINDOW_FIT);
+        }
+    }
 }
 
 #[test]

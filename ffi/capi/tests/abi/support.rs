@@ -443,6 +443,9 @@ pub fn view(settings: &trz_settings, aovs: &[*const c_char]) -> trz_view {
         windows_view: 0,
         camera_aspect: 0.0,
         path: null(),
+        has_resolution: 0,
+        has_data_window: 0,
+        has_pixel_aspect: 0,
     }
 }
 

@@ -260,6 +260,8 @@ fn products_are_written_and_those_that_cannot_be_are_told() {
         settings_path: c"/set".as_ptr(),
         resolution: [3, 2],
         data_window: [0.0, 0.0, 1.0, 0.5],
+        has_resolution: 1,
+        has_data_window: 1,
         ..view(&settings, &COLOR)
     };
     for _ in 0..2 {
@@ -284,12 +286,12 @@ fn products_are_written_and_those_that_cannot_be_are_told() {
         (
             "/empty",
             "dataWindowNDC is (0.5, 0, 0.5, 1), which cannot be: the data window must have xmin < xmax and \
-             ymin < ymax; the render settings' is used",
+             ymin < ymax; the render settings' (0, 0, 1, 0.5) is used",
         ),
         (
             "/empty",
             "resolution is (0, 8), which cannot be: the image width must be from 1 to 65536 pixels; the \
-             render settings' is used",
+             render settings' (3, 2) is used",
         ),
         ("/folder", "folder.exr is a folder; it is not written"),
         (
@@ -405,7 +407,10 @@ fn a_host_that_goes_is_told_of_its_files_once() {
     let told = messages(&received);
     assert_eq!(
         told,
-        ["the host is gone before all its products are written"]
+        [format!(
+            "the host is gone before all its products are written; what was rendered is in {}",
+            folder.0.join("never.partial.exr").display()
+        )]
     );
     // What it had is kept, and is not taken for the whole.
     let names: Vec<_> = std::fs::read_dir(&folder.0).unwrap().collect();
