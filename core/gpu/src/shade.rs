@@ -119,7 +119,7 @@ pub(crate) fn paints_of(prepared: &Prepared) -> pages::Paints {
         let first = instance;
         instance += set.len() as u32;
         // What is not made yet is refused.
-        let Some(object) = set.made().filter(|_| set.len() > 0) else {
+        let Some(object) = set.made().filter(|_| !set.is_empty()) else {
             continue;
         };
         let (object, mesh) = (Arc::as_ptr(object), object.mesh());
