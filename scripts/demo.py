@@ -39,7 +39,7 @@ def main(flags: list[str]) -> int:
                 renderer.render(bar)
             facts = metadata(renderer, args.usdFilePath, FRAME)
             for path in (exr, png):
-                Output(request.options).write(renderer, str(path), facts, complete=True)
+                Output(request.options, str(path)).write(renderer, facts)
             seconds = renderer.statistics()["total_seconds"]
     except HdTrapezeError as error:
         print(f"error: {error}", file=sys.stderr)
