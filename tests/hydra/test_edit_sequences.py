@@ -134,13 +134,53 @@ def add_native():
     UsdGeom.Xformable(prim).AddTranslateOp().Set(Gf.Vec3d(0, 1.5, 0))
 """
 
+SHAPES = """
+def add():
+    patch = UsdGeom.NurbsPatch.Define(stage, "/Patch")
+    line = UsdGeom.NurbsCurves.Define(stage, "/Line")
+    UsdGeom.Plane.Define(stage, "/Plane").AddTranslateOp().Set(Gf.Vec3d(0, -3, 1))
+    change("/Patch", uOrder=3, vOrder=2, uVertexCount=4, vVertexCount=2,
+           uKnots=[0, 0, 0, 1, 2, 2, 2], vKnots=[0, 0, 1, 1],
+           points=[(u - 2, 2 * v, u * v % 3) for v in range(2) for u in range(4)])
+    change("/Line", curveVertexCounts=[5], order=[3], knots=[0, 0, 0, 1, 2, 3, 3, 3],
+           points=[(x - 2, x % 2 - 1, 2) for x in range(5)], widths=[0.3])
+
+def change(path, **values):
+    with Sdf.ChangeBlock():
+        for name, value in values.items():
+            edit(stage, f"{path}.{name}", value)
+
+EDITS = {
+    "add": add,
+    "patch_order": lambda: change("/Patch", uOrder=2, uKnots=[0, 0, 1, 2, 3, 3]),
+    "patch_knots": lambda: change("/Patch", uOrder=3, uKnots=[0, 0, 0, 0.5, 2, 2, 2]),
+    "patch_range": lambda: change("/Patch", uRange=Gf.Vec2d(0.2, 1.5)),
+    "patch_count": lambda: change("/Patch", vVertexCount=1),
+    "patch_counts": lambda: change("/Patch", vVertexCount=2),
+    "line_order": lambda: change("/Line", order=[2], knots=[0, 0, 1, 2, 3, 4, 4]),
+    "line_counts": lambda: change("/Line", curveVertexCounts=[4], knots=[0, 0, 1, 2, 3, 3]),
+    "line_range": lambda: change("/Line", ranges=[Gf.Vec2d(0.5, 2)]),
+    "plane_width": lambda: change("/Plane", width=1.0),
+    "plane_axis": lambda: change("/Plane", axis="Y"),
+}
+"""
+
 
 @pytest.mark.parametrize(("scene", "edits"), [("motion", MOTION), ("instances", INSTANCES)])
 def test_each_edit_shows(host, scene, edits):
     left_out = () if host.scene_index else UNTOLD
-    ran = host.run(edits + COMPARE, scene=SCENES / f"{scene}.usda", left_out=left_out)
+    check_each(host, 17, edits, scene=SCENES / f"{scene}.usda", left_out=left_out)
+
+
+def test_each_edit_of_a_shape_of_its_own_shows(index_host):
+    """Scene delegates make meshes of these."""
+    check_each(index_host, 11, SHAPES, scene=SCENES / "motion.usda", left_out=())
+
+
+def check_each(host, count, edits, **given):
+    ran = host.run(edits + COMPARE, **given)
     before = None
-    assert len(ran.told["done"]) >= 17
+    assert len(ran.told["done"]) >= count
     for name in ran.told["done"]:
         seen, fresh = (read_exr(ran.folder / f"{name}.{view}.exr") for view in ("seen", "fresh"))
         now, new = (np.stack([image[c] for c in "RGBA"]) for image in (seen, fresh))
