@@ -19,7 +19,7 @@ use super::{Device, GpuError};
 #[derive(Debug)]
 pub struct Filmer {
     device: Arc<Device>,
-    kernels: Kernels<()>,
+    kernels: Kernels<bool>,
 }
 
 impl Filmer {
@@ -31,7 +31,8 @@ impl Filmer {
         }
     }
 
-    /// Sums of the pixels of tiles from their samples and hits, by number; gives the seconds that the device took where that
+    /// Sums of the pixels of tiles from their samples and hits, by number: with `seen` hits are what is seen first, else what is
+    /// met first. Gives the seconds that the device took where that
     /// is asked for and it can tell.
     ///
     /// # Errors
@@ -40,6 +41,7 @@ impl Filmer {
         &self,
         tiles: &GpuTiles,
         [samples, hits]: [&wgpu::Buffer; 2],
+        seen: bool,
         pixels: &mut [PixelSums],
         timed: bool,
     ) -> Result<Option<f64>, GpuError> {
@@ -48,7 +50,7 @@ impl Filmer {
         let sums = device.buffer("pixels", bytes, Usage::STORAGE | Usage::COPY_SRC)?;
         let groups: [&[&wgpu::Buffer]; 2] =
             [&[samples, hits, &sums], &[&tiles.tiles, &tiles.launch]];
-        let kernel = self.kernel()?;
+        let kernel = self.kernel(seen)?;
         let launch = kernel.launch(device, &groups, tiles.workgroups);
         let seconds = launch.run(device, timed)?;
         let mut answers = vec![Pixel::default(); tiles.pixels];
@@ -72,13 +74,13 @@ impl Filmer {
         Ok(seconds)
     }
 
-    fn kernel(&self) -> Result<Arc<Kernel>, GpuError> {
-        self.kernels.get((), || {
+    fn kernel(&self, seen: bool) -> Result<Arc<Kernel>, GpuError> {
+        self.kernels.get(seen, || {
             let groups: [&[Binding]; 2] = [
                 &[Binding::Read, Binding::Read, Binding::Write],
                 &[Binding::Read, Binding::Uniform],
             ];
-            Kernel::new(&self.device, "film", &film_source(), &groups)
+            Kernel::new(&self.device, "film", &film_source(seen), &groups)
         })
     }
 }

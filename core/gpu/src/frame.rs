@@ -14,6 +14,7 @@ use hdtrapeze_core::trace::{Hit, Ray};
 use hdtrapeze_shaders::layout::{self, Sample};
 
 use super::film::Filmer;
+use super::layers::Layers;
 use super::shade::{GpuLooks, Shader};
 use super::tiles::GpuTiles;
 use super::trace::{packed, to_layout};
@@ -100,7 +101,6 @@ impl GpuFrame {
         stages: Arc<Stages>,
         prepared: &Prepared,
     ) -> Result<Self, GpuError> {
-        refuse_culling(prepared)?;
         let build = BuildOptions {
             first: options.first,
             most: options.most,
@@ -124,7 +124,6 @@ impl GpuFrame {
     /// # Errors
     /// As [`GpuFrame::new`].
     pub fn after(self, prepared: &Prepared) -> Result<Self, GpuError> {
-        refuse_culling(prepared)?;
         let Self {
             stages,
             mut scene,
@@ -323,7 +322,7 @@ impl GpuFrame {
         let samples: Vec<Sample> = samples.collect();
         let samples = device.upload("samples", bytemuck::cast_slice(&samples))?;
         let filmer = &self.stages.filmer;
-        let seconds = filmer.film(tiles, [&samples, &hits], pixels, timed)?;
+        let seconds = filmer.film(tiles, [&samples, &hits], true, pixels, timed)?;
         self.took(Stage::Film, seconds);
         Ok(())
     }
@@ -354,6 +353,14 @@ impl GpuFrame {
                 device.upload("rays", bytemuck::cast_slice(&rays))?
             }
         };
+        if looks.permutation.layers {
+            let layers = self.composited(camera, looks, &rays, made, tiles.rays)?;
+            let filmer = &self.stages.filmer;
+            let seen = [&layers.samples, &layers.hits];
+            let seconds = filmer.film(tiles, seen, true, pixels, timed)?;
+            self.took(Stage::Film, seconds);
+            return Ok(());
+        }
         let hits = match first {
             Stage::Shade => {
                 let hits: Vec<layout::Hit> = made.hits.iter().map(to_layout).collect();
@@ -372,20 +379,46 @@ impl GpuFrame {
         )?;
         self.took(Stage::Shade, seconds);
         let filmer = &self.stages.filmer;
-        let seconds = filmer.film(tiles, [&samples, &hits], pixels, timed)?;
+        let seconds = filmer.film(tiles, [&samples, &hits], false, pixels, timed)?;
         self.took(Stage::Film, seconds);
         Ok(())
     }
-}
 
-/// No stage knows of sides that are culled.
-fn refuse_culling(prepared: &Prepared) -> Result<(), GpuError> {
-    match prepared.plan().has_culling() {
-        true => {
-            let what = "scenes whose sides are culled".to_owned();
-            Err(GpuError::Unsupported(what))
+    /// Traces and shades `len` rays layer after layer, where the CPU has not traced them.
+    fn composited(
+        &self,
+        camera: &GpuCamera,
+        looks: &GpuLooks,
+        rays: &wgpu::Buffer,
+        made: &Made,
+        len: usize,
+    ) -> Result<Layers, GpuError> {
+        let device = self.stages.device();
+        let timed = self.seconds.is_some();
+        let layers = Layers::new(device, len)?;
+        let shade = |layer: usize| {
+            let buffers = [rays, &layers.hits, &layers.samples, &layers.veils];
+            let shader = &self.stages.shader;
+            let seconds =
+                shader.layer(&self.scene, camera, looks, &buffers, [len, layer], timed)?;
+            self.took(Stage::Shade, seconds);
+            Ok(())
+        };
+        if self.options.first.of_samples() == Stage::Shade {
+            let met = std::iter::once(&made.hits).chain(&made.behind);
+            for (layer, hits) in met.enumerate() {
+                layers.put(device, layer, hits);
+                shade(layer)?;
+            }
+            return Ok(layers);
         }
-        false => Ok(()),
+        layers.run(device, |layer| {
+            let tracer = &self.stages.tracer;
+            let seconds = tracer.layer(&self.scene, [rays, &layers.hits], len, layer, timed)?;
+            self.took(Stage::Trace, seconds);
+            shade(layer)
+        })?;
+        Ok(layers)
     }
 }
 

@@ -19,6 +19,7 @@ pub mod first;
 pub mod frame;
 pub mod generate;
 pub mod kernel;
+mod layers;
 pub mod occlude;
 mod order;
 mod pages;

@@ -416,6 +416,7 @@ impl Occluder {
                 page: number as u32,
                 radius: page.radius,
                 pad: page.pad,
+                ..TraceLaunch::default()
             };
             let launch = device.uniform("launch", &launch)?;
             let mut batch = vec![&rays.rays, &occluded, &launch];

@@ -131,14 +131,14 @@ fn room(base: &Size, each: &Size, most: u64) -> usize {
 }
 
 /// What an instance takes: its share of a tree of full nodes, about, which is more than how it looks; its rows; its number
-/// and its place, to look it up.
+/// and its place, to look it up, and its side.
 fn instance(key_times: Option<&[f32]>) -> Size {
     let rows = 3 * key_times.map_or(1, <[f32]>::len);
     Size {
         nodes: u64::from(node_words::<LinearSlabs>()),
         instances: size_of::<Instance>() as u64,
         matrices: 16 * rows as u64,
-        words: 2 * size_of::<u32>() as u64,
+        words: 3 * size_of::<u32>() as u64,
         ..Size::default()
     }
 }

@@ -14,10 +14,9 @@ use hdtrapeze_core::bvh::node::Lattice8;
 use hdtrapeze_core::bvh::object::{Blas, BlockTree, LOOSE};
 use hdtrapeze_core::bvh::{Bounds8, Frame, Node, ObjectGeometry, Tree, U};
 use hdtrapeze_core::grid::PlanarMesh;
-use hdtrapeze_core::trace::InstanceSet;
-use hdtrapeze_core::trace::World;
 use hdtrapeze_core::trace::parts::{Parts, Placement, Top};
 use hdtrapeze_core::trace::piece::{InWhole, Pick, Trees};
+use hdtrapeze_core::trace::{Culled, InstanceSet, Side, World};
 use hdtrapeze_shaders::layout::{GridHeader, Instance, Object};
 use hdtrapeze_shaders::stage::{BuildStage, STACKS, TracePermutation};
 
@@ -68,6 +67,8 @@ pub(crate) struct Page {
     pub numbers: Vec<InWhole>,
     /// Where the numbers of its instances are looked up.
     pub places: u32,
+    /// Where the sides of its instances are, where some are passed through.
+    pub sides: u32,
     /// Who made its trees.
     pub made: Made,
 }
@@ -92,6 +93,8 @@ pub(crate) struct Arrays {
     matrices: Vec<[f32; 4]>,
     /// Where the numbers of instances are among the words, and after them their places; `u32::MAX` where all are there, in order.
     places: u32,
+    /// Where the sides of instances are among the words, a word each; `u32::MAX` where rays pass through none.
+    sides: u32,
     /// Where the key times that were added last are among the words, the last of all where nothing came after.
     last_times: usize,
     /// Something moves.
@@ -222,6 +225,12 @@ pub(crate) fn traceable(world: &World) -> Result<(), GpuError> {
         let what = format!("instances that are flattened some {times:.0} times");
         return Err(GpuError::Unsupported(what));
     }
+    let instances = 0..world.instance_count() as u32;
+    let mut culled = instances.filter_map(|instance| world.parts().culled(instance));
+    if culled.any(|culled| culled.always().is_none()) {
+        let what = "sides that rays pass through and that turn over while the shutter is open";
+        return Err(GpuError::Unsupported(what.to_owned()));
+    }
     if world.parts().sets().any(|set| set.made().is_none()) {
         let what = "what is diced when rays first come near it".to_owned();
         return Err(GpuError::Unsupported(what));
@@ -321,12 +330,15 @@ impl Page {
                 stack: start.stack()?,
                 any: false,
                 counts: false,
+                layers: false,
+                culls: arrays.sides != EMPTY,
             },
             root: start.root,
             radius: world.radius(),
             pad: CARRIED_PAD * condition * condition,
             numbers: numbers.to_vec(),
             places: arrays.places,
+            sides: arrays.sides,
             made: Made::default(),
         })
     }
@@ -361,6 +373,7 @@ impl Arrays {
             instances: Vec::new(),
             matrices: Vec::new(),
             places: EMPTY,
+            sides: EMPTY,
             last_times: 0,
             time: false,
         }
@@ -392,7 +405,24 @@ impl Arrays {
             self.instance(whole.instance, place, &parts.placement(i));
         }
         self.look_up(numbers);
+        self.hide_sides(parts, numbers.len() as u32);
         Ok(())
+    }
+
+    /// Adds which side of each instance rays pass through, where there are some: as sides_some.wgsl has it.
+    fn hide_sides(&mut self, parts: &Parts<'_>, count: u32) {
+        let sides = (0..count).map(|instance| parts.culled(instance).and_then(Culled::always));
+        if sides.clone().all(|side| side.is_none()) {
+            return;
+        }
+        self.sides = self.words.len() as u32;
+        self.words.extend(sides.map(|side| match side {
+            None => 0,
+            Some(Side::Front) => 1,
+            Some(Side::Back) => 2,
+        }));
+        // Times that follow are not shared with what came before.
+        self.last_times = self.words.len();
     }
 
     /// Adds the numbers that instances have in the whole, where those are not their places.

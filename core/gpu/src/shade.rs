@@ -1,4 +1,4 @@
-//! The stage `shade` on a device: what first hits give, where everything is opaque.
+//! The stage `shade` on a device: what first hits give, where everything is opaque, or else what hits give layer after layer.
 //!
 //! Normals, colours and matrices are those that core shades with; f64 is used nowhere. A colour is off by some roundings
 //! times the condition of an instance's matrix; the tests state how many.
@@ -13,7 +13,6 @@ use hdtrapeze_core::bvh::ObjectGeometry;
 use hdtrapeze_core::render::Prepared;
 use hdtrapeze_core::shade::{Source, Values};
 use hdtrapeze_core::trace::InstanceSet;
-use hdtrapeze_core::trace::piece::InWhole;
 use hdtrapeze_shaders::layout::{Look, Sample, ShadeLaunch};
 use hdtrapeze_shaders::stage::{SHADE_WORKGROUP, ShadePermutation, TimeKind};
 use wgpu::BufferUsages as Usage;
@@ -22,7 +21,7 @@ use super::kernel::{Binding, Kernel, Kernels, rows, run};
 use super::scene::Page;
 use super::{Device, GpuCamera, GpuError, GpuScene, pages};
 
-/// Storage buffers that the stage sees.
+/// Storage buffers that the stage sees; one more where there are layers.
 const BUFFERS: u32 = 11;
 
 /// Where a colour's values are: one for all, one a grid, or one a vertex.
@@ -65,19 +64,23 @@ impl GpuLooks {
         let sets = prepared.world().parts();
         let of_set = |set: &'_ Arc<InstanceSet>| vec![Arc::clone(set.object()); set.len()];
         let objects: Vec<Arc<ObjectGeometry>> = sets.sets().flat_map(of_set).collect();
+        let layers = prepared.plan().has_transparency();
         let mut time = false;
         let page = |page: &Page| {
             let mut paints = Paints::default();
-            let look = |whole: &InWhole| {
+            let mut looks = Vec::with_capacity(page.numbers.len());
+            for whole in &page.numbers {
                 let object = &objects[whole.instance as usize];
                 let cut = Cut {
                     object,
                     grids: whole.grids.as_ref(),
                 };
-                paints.look(&cut, &prepared.look(whole.instance))
-            };
-            let looks = page.numbers.iter().map(look);
-            let looks: Vec<Look> = looks.collect::<Result<_, GpuError>>()?;
+                let look = prepared.look(whole.instance);
+                looks.push(paints.look(&cut, &look)?);
+                if layers {
+                    looks.push(paints.opacity(&cut, &look)?);
+                }
+            }
             time |= page.permutation.time || paints.time;
             let buffers = [
                 device.upload("looks", bytemuck::cast_slice(&looks))?,
@@ -94,6 +97,7 @@ impl GpuLooks {
                 color: prepared.aovs().contains(&Aov::Color),
                 time,
                 camera_moves: camera.permutation.time == TimeKind::CameraMoves,
+                layers,
             },
             pages,
             light: prepared.irradiance() / PI,
@@ -105,12 +109,13 @@ impl GpuLooks {
 pub(crate) fn shaded_here(device: &Device, prepared: &Prepared) -> Option<String> {
     prepared.shaded_here().or_else(|| {
         let there = device.device.limits().max_storage_buffers_per_shader_stage;
-        let few = there < BUFFERS;
-        few.then(|| format!("it needs {BUFFERS} storage buffers, and the device binds {there}"))
+        let needed = BUFFERS + u32::from(prepared.plan().has_transparency());
+        let few = there < needed;
+        few.then(|| format!("it needs {needed} storage buffers, and the device binds {there}"))
     })
 }
 
-/// What normals and colours of each object take where the device shades: as [`GpuLooks`] lays them out.
+/// What normals, colours and opacities of each object take where the device shades: as [`GpuLooks`] lays them out.
 pub(crate) fn paints_of(prepared: &Prepared) -> pages::Paints {
     let mut paints = pages::Paints::new();
     let mut known = HashSet::new();
@@ -123,21 +128,24 @@ pub(crate) fn paints_of(prepared: &Prepared) -> pages::Paints {
             continue;
         };
         let (object, mesh) = (Arc::as_ptr(object), object.mesh());
-        let source = prepared.look(first).color;
+        let look = prepared.look(first);
         let paint = paints.entry(object).or_insert_with(|| pages::Paint {
             a_vertex: size_of_val(&mesh.normals[..]) as u64 / mesh.vertex_count.max(1) as u64,
             a_grid: 0,
         });
-        if !known.insert((object, std::ptr::from_ref::<Source>(source))) {
-            continue;
-        }
-        match source.values() {
-            Values::Uniform(_) => paint.a_grid += 4 * words_of(source) as u64,
-            Values::Channel(channel) => {
-                let width = mesh.channels.get(*channel).map_or(0, |c| c.width);
-                paint.a_vertex += 4 * width as u64;
+        for of in [Some(look.color), look.opacity].into_iter().flatten() {
+            let source = of.source;
+            if !known.insert((object, std::ptr::from_ref::<Source>(source))) {
+                continue;
             }
-            Values::Constant(_) | Values::Instance(..) => {}
+            match source.values() {
+                Values::Uniform(_) => paint.a_grid += 4 * words_of(source) as u64,
+                Values::Channel(channel) => {
+                    let width = mesh.channels.get(*channel).map_or(0, |c| c.width);
+                    paint.a_vertex += 4 * width as u64;
+                }
+                Values::Constant(_) | Values::Instance(..) => {}
+            }
         }
     }
     paints
@@ -172,9 +180,42 @@ impl Shader {
         timed: bool,
     ) -> Result<(wgpu::Buffer, Option<f64>), GpuError> {
         let device = &*self.device;
-        let workgroups = (len as u32).div_ceil(SHADE_WORKGROUP);
         let bytes = (len.max(1) * size_of::<Sample>()) as u64;
         let samples = device.buffer("samples", bytes, Usage::STORAGE | Usage::COPY_SRC)?;
+        let buffers = [rays, hits, &samples];
+        let seconds = self.run(scene, camera, looks, &buffers, [len, 0], timed)?;
+        Ok((samples, seconds))
+    }
+
+    /// Takes in what `len` rays met in a layer: `hits` are as layers.wgsl has them, `samples` and `veils` as the layers before
+    /// have left them. Gives the seconds that the device took where that is asked for and it can tell.
+    ///
+    /// # Errors
+    /// As [`Shader::shade`].
+    pub(crate) fn layer(
+        &self,
+        scene: &GpuScene,
+        camera: &GpuCamera,
+        looks: &GpuLooks,
+        buffers: &[&wgpu::Buffer; 4],
+        [len, layer]: [usize; 2],
+        timed: bool,
+    ) -> Result<Option<f64>, GpuError> {
+        self.run(scene, camera, looks, buffers, [len, layer], timed)
+    }
+
+    /// Runs the stage on one page after the other; `buffers` are rays, hits, samples, and veils where there are layers.
+    fn run(
+        &self,
+        scene: &GpuScene,
+        camera: &GpuCamera,
+        looks: &GpuLooks,
+        buffers: &[&wgpu::Buffer],
+        [len, layer]: [usize; 2],
+        timed: bool,
+    ) -> Result<Option<f64>, GpuError> {
+        let device = &*self.device;
+        let workgroups = (len as u32).div_ceil(SHADE_WORKGROUP);
         let kernel = self.kernel(looks.permutation)?;
         let mut launches = Vec::with_capacity(scene.pages.len());
         for (number, (page, [own, paints])) in scene.pages.iter().zip(&looks.pages).enumerate() {
@@ -186,37 +227,30 @@ impl Shader {
                 page: number as u32,
                 instances,
                 places,
+                layer: layer as u32,
             };
             let launch = device.uniform("launch", &launch)?;
             let [_, planes, words, objects, instanced, matrices] = &page.group;
+            let mut batch = buffers.to_vec();
+            batch.insert(2, &launch);
             let groups: [&[&wgpu::Buffer]; 3] = [
                 &[planes, words, objects, instanced, matrices],
                 &[own, paints, &camera.camera, &camera.tables],
-                &[rays, hits, &launch, &samples],
+                &batch,
             ];
             launches.push(kernel.launch(device, &groups, workgroups));
         }
-        let seconds = run(device, &launches, timed)?;
-        Ok((samples, seconds))
+        run(device, &launches, timed)
     }
 
     fn kernel(&self, permutation: ShadePermutation) -> Result<Arc<Kernel>, GpuError> {
         self.kernels.get(permutation, || {
-            let groups: [&[Binding]; 3] = [
-                &[Binding::Read; 5],
-                &[
-                    Binding::Read,
-                    Binding::Read,
-                    Binding::Uniform,
-                    Binding::Read,
-                ],
-                &[
-                    Binding::Read,
-                    Binding::Read,
-                    Binding::Uniform,
-                    Binding::Write,
-                ],
-            ];
+            use Binding::{Read, Uniform, Write};
+            let batch: &[Binding] = match permutation.layers {
+                true => &[Read, Write, Uniform, Write, Write],
+                false => &[Read, Read, Uniform, Write],
+            };
+            let groups: [&[Binding]; 3] = [&[Read; 5], &[Read, Read, Uniform, Read], batch];
             let source = permutation.source();
             Kernel::new(&self.device, "shade", &source, &groups)
         })
@@ -294,7 +328,41 @@ impl Paints {
         look: &hdtrapeze_core::render::Look<'_>,
     ) -> Result<Look, GpuError> {
         let mesh = cut.object.mesh();
-        let source = look.color;
+        let normals = || cut.of_vertices(&mesh.normals, mesh.normal_key_count);
+        Ok(Look {
+            matte: look.matte.into(),
+            normals: self.add((cut.address(), usize::MAX), normals)?,
+            normal_keys: mesh.normal_key_count as u32,
+            ..self.paint(cut, &look.color)?
+        })
+    }
+
+    /// An opacity, as if it were a colour.
+    fn opacity(
+        &mut self,
+        cut: &Cut<'_>,
+        look: &hdtrapeze_core::render::Look<'_>,
+    ) -> Result<Look, GpuError> {
+        match &look.opacity {
+            Some(opacity) => self.paint(cut, opacity),
+            None => Ok(Look {
+                kind: CONSTANT,
+                lanes: 1,
+                // At the address of nothing.
+                paint: self.floats((0, 0), &[1.0])?,
+                ..Look::default()
+            }),
+        }
+    }
+
+    /// A colour or an opacity.
+    fn paint(
+        &mut self,
+        cut: &Cut<'_>,
+        paint: &hdtrapeze_core::render::Paint<'_>,
+    ) -> Result<Look, GpuError> {
+        let mesh = cut.object.mesh();
+        let source = paint.source;
         if source.is_integer() {
             let what = "colours of whole numbers".to_owned();
             return Err(GpuError::Unsupported(what));
@@ -307,15 +375,10 @@ impl Paints {
         let of_object = cut.address();
         let of_source = std::ptr::from_ref::<Source>(source) as usize;
         let mut out = Look {
-            matte: look.matte.into(),
             kind: CONSTANT,
             stride: whole as u32,
             lanes: lanes as u32,
             paint_keys: keys as u32,
-            normals: self.add(at(of_object, usize::MAX), || {
-                cut.of_vertices(&mesh.normals, mesh.normal_key_count)
-            })?,
-            normal_keys: mesh.normal_key_count as u32,
             ..Look::default()
         };
         if keys > 1 {
@@ -329,7 +392,7 @@ impl Paints {
                 out.paint = self.add(at(of_object, of_source), of)?;
             }
             Values::Channel(channel) => {
-                // One that is not there is black, as core reads it.
+                // One that is not there is black, or not there, as core reads it.
                 out.lanes = 0;
                 if let Some(channel_at) = mesh.channels.get(*channel) {
                     out.kind = VERTICES;
@@ -339,8 +402,8 @@ impl Paints {
                     out.paint = self.add(at(of_object, *channel), of)?;
                 }
             }
-            Values::Instance(_, resolved) if look.item < resolved.item_count() => {
-                let value = resolved.item(look.item);
+            Values::Instance(_, resolved) if paint.item < resolved.item_count() => {
+                let value = resolved.item(paint.item);
                 out.paint = self.floats(at(value.as_ptr() as usize, 0), value)?;
             }
             Values::Instance(..) => out.lanes = 0,

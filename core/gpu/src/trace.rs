@@ -60,8 +60,9 @@ impl Tracer {
         &self.device
     }
 
-    /// The nearest hit of each ray, as [`trace::World::trace`], but for rounding: see `slabs.wgsl` and `cells.wgsl`. With
-    /// `any`, some hit where there is one. Rays that are not finite miss.
+    /// The nearest hit of each ray, as [`trace::World::next`] where sides that are culled are not there, but for rounding: see
+    /// `slabs.wgsl` and `cells.wgsl`. With `any`, some hit where there is one, be it on a side that is culled. Rays that are not
+    /// finite miss.
     ///
     /// # Errors
     /// The device failed or is lost; nothing of `hits` is then to be used.
@@ -112,8 +113,6 @@ impl Tracer {
     ) -> Result<Batch, GpuError> {
         let device = &*self.device;
         device.check()?;
-        let groups = (len as u32).div_ceil(TRACE_WORKGROUP).max(1);
-        let [across, _] = rows(device, groups);
         let answers = |what: &'static str, each: usize| {
             let bytes = (len.max(1) * each) as u64;
             device.buffer(what, bytes, Usage::STORAGE | Usage::COPY_SRC)
@@ -123,24 +122,16 @@ impl Tracer {
             true => Some(answers("counts", size_of::<[u32; 2]>())?),
             false => None,
         };
+        let mut buffers = vec![rays, &hits];
+        buffers.extend(counted.as_ref());
         let launch = |(number, page): (usize, &Page)| {
-            let launch = TraceLaunch {
-                root: page.root,
-                ray_count: len as u32,
-                row: across * TRACE_WORKGROUP,
-                page: number as u32,
-                radius: page.radius,
-                pad: page.pad,
-            };
-            let launch = device.uniform("launch", &launch)?;
-            let mut batch = vec![rays, &hits, &launch];
-            batch.extend(counted.as_ref());
-            let kernel = self.kernel(TracePermutation {
+            let permutation = TracePermutation {
                 any,
                 counts,
+                culls: page.permutation.culls && !any,
                 ..page.permutation
-            })?;
-            Ok(kernel.launch(device, &[&page.group.each_ref(), &batch], groups))
+            };
+            self.launch(page, permutation, [number, len, 0], &buffers)
         };
         let launches = scene.pages.iter().enumerate().map(launch);
         Ok(Batch {
@@ -149,6 +140,59 @@ impl Tracer {
             counts: counted,
             len,
         })
+    }
+
+    /// Traces `len` rays behind what the layer before met; `hits` are as layers.wgsl has them. Gives the seconds that the
+    /// device took where that is asked for and it can tell, and waits for it then only.
+    ///
+    /// # Errors
+    /// As [`Tracer::batch`].
+    pub(crate) fn layer(
+        &self,
+        scene: &GpuScene,
+        [rays, hits]: [&wgpu::Buffer; 2],
+        len: usize,
+        layer: usize,
+        timed: bool,
+    ) -> Result<Option<f64>, GpuError> {
+        let launch = |(number, page): (usize, &Page)| {
+            let permutation = TracePermutation {
+                layers: true,
+                ..page.permutation
+            };
+            self.launch(page, permutation, [number, len, layer], &[rays, hits])
+        };
+        let launches = scene.pages.iter().enumerate().map(launch);
+        let launches: Vec<Launch> = launches.collect::<Result<_, GpuError>>()?;
+        run(&self.device, &launches, timed)
+    }
+
+    /// The stage on a page, by its number, for so many rays and this layer. `buffers` are the rays, their hits, and what they cost.
+    fn launch(
+        &self,
+        page: &Page,
+        permutation: TracePermutation,
+        [number, len, layer]: [usize; 3],
+        buffers: &[&wgpu::Buffer],
+    ) -> Result<Launch, GpuError> {
+        let device = &*self.device;
+        let groups = (len as u32).div_ceil(TRACE_WORKGROUP).max(1);
+        let [across, _] = rows(device, groups);
+        let launch = TraceLaunch {
+            root: page.root,
+            ray_count: len as u32,
+            row: across * TRACE_WORKGROUP,
+            page: number as u32,
+            radius: page.radius,
+            pad: page.pad,
+            layer: layer as u32,
+            sides: page.sides,
+        };
+        let launch = device.uniform("launch", &launch)?;
+        let mut batch = buffers.to_vec();
+        batch.insert(2, &launch);
+        let kernel = self.kernel(permutation)?;
+        Ok(kernel.launch(device, &[&page.group.each_ref(), &batch], groups))
     }
 
     /// Traces a batch; gives the seconds that the device took, where it can tell.

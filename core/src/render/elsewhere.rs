@@ -40,8 +40,10 @@ pub enum Stage {
 pub struct Made {
     /// By `generate`.
     pub jobs: Vec<Job>,
-    /// By trace.
+    /// By trace; where `shade` is done too, what is seen first: nothing matte or wholly transparent.
     pub hits: Vec<Hit>,
+    /// By trace, where surfaces may be seen through: of each layer behind the first what all rays meet.
+    pub behind: Vec<Vec<Hit>>,
     /// By `shade`: premultiplied radiance and coverage.
     pub colors: Vec<[f32; 4]>,
 }
@@ -69,7 +71,8 @@ pub trait RayTracer: Send + Sync {
         pixels: &mut [PixelSums],
     ) -> Result<(), String>;
 
-    /// The nearest hit of each ray, as [`World::trace`](crate::trace::World::trace) gives it, but for rounding.
+    /// The nearest hit of each ray, as [`World::next`](crate::trace::World::next) gives it where sides that are culled are not
+    /// there, but for rounding.
     ///
     /// # Errors
     /// It cannot any more, for this reason; `hits` mean nothing then.

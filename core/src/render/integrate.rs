@@ -19,7 +19,7 @@ use crate::trace::{Hit, Ray, TraceCounts};
 /// Transparent layers composited along one ray; what lies behind is left out.
 pub const MAX_LAYERS: usize = 64;
 /// Transmittance below which what lies behind cannot be seen: less than half a step of 10 bits.
-const LEAST_TRANSMITTANCE: f32 = 1.0 / 2048.0;
+pub const LEAST_TRANSMITTANCE: f32 = 1.0 / 2048.0;
 /// What all tiles of a render share.
 pub(super) struct Integrator<'a> {
     prepared: &'a Prepared,
@@ -88,9 +88,8 @@ impl<'a> Integrator<'a> {
         &self.generator
     }
 
-    /// The rest of [`Self::fill`], for scenes without culled sides: `hits` are what the jobs met first, as traced
-    /// elsewhere. What lies behind a transparent hit is asked for by the hit before it, whose distance must be rounded as it
-    /// is here: those are traced again.
+    /// The rest of [`Self::fill`]: `hits` are what the jobs met first, as traced elsewhere. What lies behind a transparent hit
+    /// is asked for by the hit before it, whose distance must be rounded as it is here: those are traced again.
     pub fn film_tile(
         &self,
         tile: &mut Tile,
@@ -107,16 +106,28 @@ impl<'a> Integrator<'a> {
             let mut own = own;
             let through = hit.is_hit() && self.prepared.hit_prim(hit).1.shading.opacity.is_some();
             match through {
-                true => (self.prepared.world.trace(&job.ray, &mut own), own),
+                true => (self.first_hit(job, &mut own), own),
                 false => (*hit, own),
             }
         });
         let mut primvars = PrimvarSample::new(self.keeps);
-        match self.prepared.plan.has_matte() {
-            false => self.film::<false, false>(tile, jobs, found, &mut primvars, counts),
-            true => self.film::<true, false>(tile, jobs, found, &mut primvars, counts),
+        let plan = &self.prepared.plan;
+        match (plan.has_matte(), plan.has_culling()) {
+            (false, false) => self.film::<false, false>(tile, jobs, found, &mut primvars, counts),
+            (true, false) => self.film::<true, false>(tile, jobs, found, &mut primvars, counts),
+            (false, true) => self.film::<false, true>(tile, jobs, found, &mut primvars, counts),
+            (true, true) => self.film::<true, true>(tile, jobs, found, &mut primvars, counts),
         }
         tile.samples = target;
+    }
+
+    /// What a job meets first.
+    fn first_hit(&self, job: &Job, counts: &mut TraceCounts) -> Hit {
+        let world = &self.prepared.world;
+        match self.prepared.plan.has_culling() {
+            false => world.next::<false>(&job.ray, None, counts),
+            true => world.next::<true>(&job.ray, None, counts),
+        }
     }
 
     /// The rest of [`Self::fill`] for samples that were shaded and filmed elsewhere.
@@ -138,7 +149,7 @@ impl<'a> Integrator<'a> {
         tile.samples = target;
     }
 
-    /// What stages before `first` make of tiles, for a scene that is opaque and culls no side.
+    /// What stages before `first` make of tiles.
     pub fn make(&self, tiles: &[TileSamples], first: Stage) -> Made {
         let mut made = Made::default();
         if first > Stage::Generate {
@@ -149,19 +160,50 @@ impl<'a> Integrator<'a> {
         }
         let jobs = made.jobs.par_iter();
         if first > Stage::Trace {
-            let world = &self.prepared.world;
-            let trace = |job: &Job| world.trace(&job.ray, &mut TraceCounts::default());
+            let trace = |job: &Job| self.first_hit(job, &mut TraceCounts::default());
             made.hits = jobs.clone().map(trace).collect();
         }
-        if first > Stage::Shade {
-            let shade = |(job, hit): (&Job, &Hit)| {
-                let (mut counts, mut none) = (TraceCounts::default(), PrimvarSample::default());
-                let sample = self.shade::<true, false>(job, hit, &mut counts, &mut none);
-                sample.color
-            };
-            made.colors = jobs.zip(&made.hits).map(shade).collect();
+        let rays = jobs.zip(&made.hits);
+        match first {
+            Stage::Shade if self.sees_through() => {
+                let met = rays.map(|(job, hit)| {
+                    let mut met = Vec::new();
+                    self.composite(job, hit, |hit, _| met.push(*hit));
+                    met
+                });
+                let met: Vec<Vec<Hit>> = met.collect();
+                let layers = met.iter().map(Vec::len).max().unwrap_or(0);
+                let layer = |layer: usize| {
+                    let hits = met.par_iter().map(|met| met.get(layer));
+                    hits.map(|hit| hit.copied().unwrap_or(Hit::MISS)).collect()
+                };
+                made.behind = (1..layers).map(layer).collect();
+            }
+            Stage::Film => {
+                let shade = |(job, hit): (&Job, &Hit)| {
+                    let mut seen = Hit::MISS;
+                    let color = self.composite(job, hit, |hit, is_seen| {
+                        if is_seen {
+                            seen = *hit;
+                        }
+                    });
+                    (color, seen)
+                };
+                (made.colors, made.hits) = rays.map(shade).unzip();
+            }
+            _ => {}
         }
         made
+    }
+
+    /// Radiance and coverage of what a job sees, whose first hit this is; `met` as [`Self::shade`] has it.
+    fn composite(&self, job: &Job, first: &Hit, met: impl FnMut(&Hit, bool)) -> [f32; 4] {
+        let (mut counts, mut none) = (TraceCounts::default(), PrimvarSample::default());
+        let sample = match self.prepared.plan.has_culling() {
+            false => self.shade::<true, false>(job, first, &mut counts, &mut none, met),
+            true => self.shade::<true, true>(job, first, &mut counts, &mut none, met),
+        };
+        sample.color
     }
 
     /// Shades and films what was traced, in the order of samples: sums have the same bits whatever was traced
@@ -176,7 +218,7 @@ impl<'a> Integrator<'a> {
     ) {
         let wants_primvars = self.keeps.primvars().is_some();
         for ((slot, job), (hit, mut own)) in jobs.iter().zip(found) {
-            let sample = self.shade::<MATTE, CULL>(job, &hit, &mut own, primvars);
+            let sample = self.shade::<MATTE, CULL>(job, &hit, &mut own, primvars, |_, _| {});
             let is_point = tile.add(*slot, &sample);
             if wants_primvars {
                 let hit = sample.first.is_some().then_some(&*primvars);
@@ -231,13 +273,14 @@ impl<'a> Integrator<'a> {
 
     /// Composites what the ray meets, front to back. A matte object takes its share of the ray away
     /// and gives nothing for it: neither colour nor alpha, nor the values of a first hit.
-    /// `primvars` becomes those of the first hit.
+    /// `primvars` becomes those of the first hit. `met` hears of each hit that is taken in, and whether it is what is seen first.
     fn shade<const MATTE: bool, const CULL: bool>(
         &self,
         job: &Job,
         first: &Hit,
         counts: &mut TraceCounts,
         primvars: &mut PrimvarSample,
+        mut met: impl FnMut(&Hit, bool),
     ) -> Sample {
         let mut color = Vec3::ZERO;
         let mut transmittance = 1.0f32;
@@ -253,10 +296,12 @@ impl<'a> Integrator<'a> {
             let first = (wants_first && unseen).then_some(&mut *primvars);
             let (layer, opacity) = self.surface(&job.ray, &hit, first);
             let matte = MATTE && self.prepared.hit_prim(&hit).1.matte;
-            if opacity > 0.0 && unseen {
+            let is_first = opacity > 0.0 && unseen;
+            if is_first {
                 unseen = false;
                 found = (!matte).then_some(layer.first);
             }
+            met(&hit, is_first && !matte);
             let before = transmittance;
             transmittance *= 1.0 - opacity;
             if transmittance < LEAST_TRANSMITTANCE {

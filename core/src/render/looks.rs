@@ -11,22 +11,23 @@ pub struct Look<'a> {
     /// See [`crate::scene::PrimCommon::matte`].
     pub matte: bool,
     /// Its colour.
-    pub color: &'a Source,
-    /// Which of an instancer's colours it has, where these are [`Values::Instance`].
+    pub color: Paint<'a>,
+    /// Its opacity; nothing where it is opaque all over.
+    pub opacity: Option<Paint<'a>>,
+}
+
+/// What one instance has of a source.
+#[derive(Clone, Copy, Debug)]
+pub struct Paint<'a> {
+    /// The source.
+    pub source: &'a Source,
+    /// Which of an instancer's values it has, where these are [`Values::Instance`].
     pub item: usize,
 }
 
 impl Prepared {
-    /// Why samples must be shaded and filmed here, in words: elsewhere knows first hits of what is opaque, and no more. The
-    /// one place that says so.
+    /// Why samples must be shaded and filmed here, in words. The one place that says so.
     pub fn shaded_here(&self) -> Option<String> {
-        let plan = &self.plan;
-        if let Some(path) = &plan.transparency_by {
-            return Some(format!("{path} is not opaque"));
-        }
-        if let Some(path) = &plan.culled_by {
-            return Some(format!("rays pass through a side of {path}"));
-        }
         if self.camera.lens_changes() {
             return Some("the lens changes while the shutter is open".to_owned());
         }
@@ -47,15 +48,17 @@ impl Prepared {
             ..Hit::MISS
         };
         let (_, prim) = self.hit_prim(&hit);
-        let color = &*prim.shading.color;
-        let item = match color.values() {
-            Values::Instance(level, _) => self.instance(&hit, *level),
-            _ => 0,
+        let paint = |source| {
+            let item = match Source::values(source) {
+                Values::Instance(level, _) => self.instance(&hit, *level),
+                _ => 0,
+            };
+            Paint { source, item }
         };
         Look {
             matte: prim.matte,
-            color,
-            item,
+            color: paint(&prim.shading.color),
+            opacity: prim.shading.opacity.as_deref().map(paint),
         }
     }
 

@@ -45,8 +45,7 @@ pub fn render(prepared: &Prepared, frame: &Frame, control: &RenderControl<'_>) -
     render_with(prepared, frame, control, None)
 }
 
-/// [`render`], with stages run `elsewhere` for as long as that works. Sides that are culled are not known there: a
-/// scene that has some is traced here.
+/// [`render`], with stages run `elsewhere` for as long as that works.
 pub fn render_with(
     prepared: &Prepared,
     frame: &Frame,
@@ -71,7 +70,7 @@ pub fn render_with(
             let all = finished.fetch_add(added, Ordering::Relaxed) + added;
             (control.on_progress)(all as f64 / work);
         };
-        if let Some(elsewhere) = elsewhere.filter(|e| e.works() && !prepared.plan.has_culling()) {
+        if let Some(elsewhere) = elsewhere.filter(|e| e.works()) {
             let pass = elsewhere.fill(&integrator, frame, target, control.cancel, &added);
             counts = counts + pass;
         }

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use glam::{DAffine3, DMat3, DVec3};
 
 use super::places::{InstanceSet, Places};
+use super::sides::Culled;
 use super::world::{MOVERS, TopTree, World};
 use crate::bvh::{LinearSlabs, StaticSlabs, Tree};
 
@@ -79,6 +80,11 @@ impl<'a> Parts<'a> {
     /// The sets of instances, in the order of their numbers.
     pub fn sets(&self) -> impl ExactSizeIterator<Item = &'a Arc<InstanceSet>> {
         self.world.sets.iter().map(|numbered| &numbered.set)
+    }
+
+    /// What rays that ask for it pass through, of instance number `instance`.
+    pub fn culled(&self, instance: u32) -> Option<&'a Culled> {
+        self.world.find(instance).0.culled.as_ref()
     }
 
     /// Where instance number `instance` is.

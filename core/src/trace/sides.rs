@@ -123,6 +123,15 @@ pub struct Culled {
 }
 
 impl Culled {
+    /// That side of the lattices; nothing where it is the one or the other, by the time.
+    pub fn always(&self) -> Option<Side> {
+        match self.winding {
+            Winding::Same => Some(self.side),
+            Winding::Inverted => Some(self.side.other()),
+            Winding::Changes(_) => None,
+        }
+    }
+
     /// That side of the lattices, at a time in [0, 1].
     #[inline]
     pub(super) fn of_lattices(&self, time: f32) -> Side {

@@ -17,7 +17,7 @@ pub use camera::{Camera, TileSamples, TilesLaunch};
 pub use rays::{Hit, Ray, TraceLaunch};
 pub use scene::{GridHeader, Instance, Object};
 pub use secondary::{OrderLaunch, ScatterLaunch, ShareLaunch, Site, SiteLaunch};
-pub use shading::{Look, Pixel, Sample, ShadeLaunch};
+pub use shading::{Look, Pixel, Sample, ShadeLaunch, Veil};
 
 /// The WGSL text that declares the structs of this module.
 pub const SOURCE: &str = include_str!("../wgsl/layout.wgsl");

@@ -58,4 +58,8 @@ pub struct TraceLaunch {
     pub radius: f32,
     /// Pad of slab tests against the tree over instances, per unit of distance from the world's origin.
     pub pad: f32,
+    /// Number of the layer, where rays go on behind what they meet.
+    pub layer: u32,
+    /// First word of the sides of instances, where some are passed through.
+    pub sides: u32,
 }

@@ -44,6 +44,20 @@ pub struct ShadeLaunch {
     pub instances: u32,
     /// First word of their numbers, which ascend, and after these of the place of each; `u32::MAX` where they are their places.
     pub places: u32,
+    /// Number of the layer, where rays go on behind what they meet.
+    pub layer: u32,
+}
+
+/// What is left of a ray behind the layers that it has met.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Veil {
+    /// Share that goes on.
+    pub transmittance: f32,
+    /// Share that matte surfaces took.
+    pub held_out: f32,
+    /// 1 once something was met that is not wholly transparent.
+    pub seen: u32,
 }
 
 /// What one camera sample brings home.

@@ -83,7 +83,9 @@ fn rust_layouts() -> Vec<Layout> {
             row,
             page,
             radius,
-            pad
+            pad,
+            layer,
+            sides
         }),
         rust_layout!(Site {
             origin,
@@ -188,7 +190,13 @@ fn rust_layouts() -> Vec<Layout> {
             light,
             page,
             instances,
-            places
+            places,
+            layer
+        }),
+        rust_layout!(Veil {
+            transmittance,
+            held_out,
+            seen
         }),
         rust_layout!(Sample {
             color,

@@ -106,7 +106,6 @@ pub const SORT_BITS: u32 = 4;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use naga::{AddressSpace, StorageAccess};
 
     #[test]
     fn every_permutation_is_valid() {
@@ -124,24 +123,9 @@ mod tests {
     fn bindings_are_those_of_the_text() {
         for stage in BuildStage::ALL {
             let source = stage.source(true);
-            let module = naga::front::wgsl::parse_str(&source).expect("the stage parses");
-            let mut found: Vec<_> = module
-                .global_variables
-                .iter()
-                .filter_map(|(_, variable)| {
-                    let binding = match variable.space {
-                        AddressSpace::Uniform => Binding::Uniform,
-                        AddressSpace::Storage { access } if access == StorageAccess::LOAD => {
-                            Binding::Read
-                        }
-                        AddressSpace::Storage { .. } => Binding::Write,
-                        _ => return None,
-                    };
-                    Some((variable.binding.expect("bound").binding, binding))
-                })
-                .collect();
-            found.sort_by_key(|&(number, _)| number);
-            let told: Vec<_> = (0..).zip(stage.bindings().iter().copied()).collect();
+            let found = super::super::tests::bindings(&source);
+            let numbers = (0..).map(|number| [0, number]);
+            let told: Vec<_> = numbers.zip(stage.bindings().iter().copied()).collect();
             assert_eq!(found, told, "{stage:?}");
             assert!(told.len() <= 9, "{stage:?}");
         }

@@ -1,10 +1,14 @@
 //! The text of the stage `film`.
 
-/// The WGSL of the stage; its entry point is `film`.
-pub fn film_source() -> String {
+/// The WGSL of the stage; its entry point is `film`. With `layers` hits are what is seen first, else what is met first.
+pub fn film_source(layers: bool) -> String {
     [
         crate::layout::SOURCE,
         include_str!("../wgsl/tiles.wgsl"),
+        match layers {
+            true => include_str!("../wgsl/seen_as_told.wgsl"),
+            false => include_str!("../wgsl/seen_where_opaque.wgsl"),
+        },
         include_str!("../wgsl/film.wgsl"),
     ]
     .concat()
@@ -17,8 +21,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn it_is_valid() {
+    fn every_permutation_is_valid() {
         let [side, _] = TILE_SQUARE;
-        check(&film_source(), &[("film", [side * side, 1, 1])]);
+        for layers in [false, true] {
+            check(&film_source(layers), &[("film", [side * side, 1, 1])]);
+        }
     }
 }

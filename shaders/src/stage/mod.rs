@@ -11,7 +11,7 @@ pub use build::{BuildStage, EntryPoint, SORT_BITS, SORT_TILE};
 pub use film::film_source;
 pub use generate::{GeneratePermutation, LensKind, TILE_SQUARE, TimeKind};
 pub use scatter::{SCATTER_WORKGROUP, order_source, scatter_source, share_source, site_source};
-pub use shade::{SHADE_WORKGROUP, ShadePermutation};
+pub use shade::{LEAST_TRANSMITTANCE, SHADE_WORKGROUP, ShadePermutation, VEILS_AT};
 pub use trace::{OccludePermutation, STACKS, TRACE_WORKGROUP, Told, TracePermutation, VISITS};
 
 /// How a stage sees a buffer.
@@ -27,7 +27,9 @@ pub enum Binding {
 
 #[cfg(test)]
 mod tests {
+    use super::Binding;
     use naga::valid::{Capabilities, ValidationFlags, Validator};
+    use naga::{AddressSpace, StorageAccess};
 
     /// Panics unless a device without optional features takes this text, and has these entry points in it, each with
     /// its workgroup.
@@ -44,5 +46,34 @@ mod tests {
             .map(|entry| (entry.name.as_str(), entry.workgroup_size))
             .collect();
         assert_eq!(found, entries);
+    }
+
+    /// The buffers of a text, by group and number.
+    pub(super) fn bindings(source: &str) -> Vec<([u32; 2], Binding)> {
+        let module = naga::front::wgsl::parse_str(source).expect("the stage parses");
+        let variables = module.global_variables.iter();
+        let mut found: Vec<_> = variables
+            .filter_map(|(_, variable)| {
+                let kind = match variable.space {
+                    AddressSpace::Uniform => Binding::Uniform,
+                    AddressSpace::Storage { access } if access == StorageAccess::LOAD => {
+                        Binding::Read
+                    }
+                    AddressSpace::Storage { .. } => Binding::Write,
+                    _ => return None,
+                };
+                let at = variable.binding.expect("bound");
+                Some(([at.group, at.binding], kind))
+            })
+            .collect();
+        found.sort_by_key(|&(at, _)| at);
+        found
+    }
+
+    /// A text without its comments.
+    pub(super) fn code(source: &str) -> String {
+        let lines = source.lines();
+        let lines: Vec<&str> = lines.filter_map(|line| line.split("//").next()).collect();
+        lines.join("\n")
     }
 }

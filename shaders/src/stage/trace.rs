@@ -11,6 +11,11 @@ pub struct TracePermutation {
     pub any: bool,
     /// What rays cost is told.
     pub counts: bool,
+    /// Rays go on behind what they meet: layer after layer, the next hit after the last is looked for. Neither any hit will
+    /// do then, nor is told what rays cost.
+    pub layers: bool,
+    /// Rays pass through one side of some surfaces; not where any hit will do.
+    pub culls: bool,
 }
 
 /// What is told of the work of rays.
@@ -58,7 +63,15 @@ impl Told {
 }
 
 /// A walk, and what it needs.
-fn walk(time: bool, stack: u32, any: bool, told: Told) -> String {
+fn walk(permutation: TracePermutation, told: Told) -> String {
+    let TracePermutation {
+        time,
+        stack,
+        any,
+        layers,
+        culls,
+        ..
+    } = permutation;
     let fixed = format!(
         "const TIME: bool = {time};\nconst STACK: u32 = {stack}u;\nconst ANY: bool = {any};\n"
     );
@@ -68,6 +81,14 @@ fn walk(time: bool, stack: u32, any: bool, told: Told) -> String {
         include_str!("../wgsl/slabs.wgsl"),
         include_str!("../wgsl/keys.wgsl"),
         include_str!("../wgsl/cells.wgsl"),
+        match culls {
+            true => include_str!("../wgsl/sides_some.wgsl"),
+            false => include_str!("../wgsl/sides_all.wgsl"),
+        },
+        match layers {
+            true => include_str!("../wgsl/met_before.wgsl"),
+            false => include_str!("../wgsl/met_none.wgsl"),
+        },
         match any {
             true => include_str!("../wgsl/waiting_any.wgsl"),
             false => include_str!("../wgsl/waiting_near.wgsl"),
@@ -81,12 +102,15 @@ fn walk(time: bool, stack: u32, any: bool, told: Told) -> String {
 impl TracePermutation {
     /// All there are.
     pub fn all() -> impl Iterator<Item = Self> {
-        (0..8 * STACKS.len()).map(|i| Self {
+        let each = (0..32 * STACKS.len()).map(|i| Self {
             time: i & 1 != 0,
             counts: i & 2 != 0,
             any: i & 4 != 0,
-            stack: STACKS[i / 8],
-        })
+            layers: i & 8 != 0,
+            culls: i & 16 != 0,
+            stack: STACKS[i / 32],
+        });
+        each.filter(|p| !(p.any && (p.layers || p.culls) || p.layers && p.counts))
     }
 
     /// The WGSL of the stage; its entry point is `trace`.
@@ -95,7 +119,14 @@ impl TracePermutation {
             true => Told::Counts,
             false => Told::None,
         };
-        walk(self.time, self.stack, self.any, told) + include_str!("../wgsl/trace.wgsl")
+        let walk = walk(self, told);
+        match self.layers {
+            true => {
+                let layers = include_str!("../wgsl/layers.wgsl");
+                walk + layers + include_str!("../wgsl/trace_layers.wgsl")
+            }
+            false => walk + include_str!("../wgsl/trace.wgsl"),
+        }
     }
 }
 
@@ -113,8 +144,16 @@ impl OccludePermutation {
 
     /// The WGSL of the stage; its entry point is `occlude`.
     pub fn source(self) -> String {
+        let any = TracePermutation {
+            time: self.time,
+            stack: self.stack,
+            any: true,
+            counts: false,
+            layers: false,
+            culls: false,
+        };
         [
-            walk(self.time, self.stack, true, self.told).as_str(),
+            walk(any, self.told).as_str(),
             match self.ordered {
                 true => include_str!("../wgsl/taken_sorted.wgsl"),
                 false => include_str!("../wgsl/taken_as_they_stand.wgsl"),
@@ -127,7 +166,7 @@ impl OccludePermutation {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::check;
+    use super::super::tests::{bindings, check};
     use super::*;
 
     #[test]
@@ -138,6 +177,22 @@ mod tests {
         }
         for permutation in OccludePermutation::all() {
             check(&permutation.source(), &[("occlude", workgroup)]);
+        }
+    }
+
+    /// What a scene does not call for is not in the text.
+    #[test]
+    fn effects_are_only_where_they_are_asked_for() {
+        let (layers, culls) = (["last", "hit_place"], ["hidden_side", "launch.sides"]);
+        let has = |source: &str, words: [&str; 2]| words.map(|word| source.contains(word));
+        for permutation in TracePermutation::all() {
+            let source = permutation.source();
+            let code = super::super::tests::code(&source);
+            assert_eq!(has(&code, layers), [permutation.layers; 2]);
+            assert_eq!(has(&code, culls), [permutation.culls; 2]);
+            // All buffers that every device binds.
+            let buffers = bindings(&source).len();
+            assert_eq!(buffers, 9 + usize::from(permutation.counts));
         }
     }
 

@@ -105,7 +105,7 @@ fn offer(best: ptr<function, Hit>, w: vec3<f32>, z: vec3<f32>, second: bool, ray
     let least = min(w.x, min(w.y, w.z));
     let most = max(w.x, max(w.y, w.z));
     let det = w.x + w.y + w.z;
-    if (least < 0.0 && most > 0.0) || det == 0.0 {
+    if (least < 0.0 && most > 0.0) || det == 0.0 || passes_side(det, ray.dir_z) {
         return;
     }
     // Weights of the second and third corner; their own quotients, so that none is beyond 1.
@@ -113,7 +113,7 @@ fn offer(best: ptr<function, Hit>, w: vec3<f32>, z: vec3<f32>, second: bool, ray
     let c = w.z / det;
     let depth = (w.x / det) * z.x + b * z.y + c * z.z;
     let t = depth / ray.dir_z;
-    if t < t_min || !is_before(t, instance, grid, cell, *best) {
+    if t < t_min || !is_before(t, instance, grid, cell, *best) || was_met(t, instance, grid, cell) {
         return;
     }
     let u = select(b + c, b, second);

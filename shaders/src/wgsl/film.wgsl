@@ -30,8 +30,7 @@ fn film(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
             out.distance2 = sample.distance2;
             out.time = sample.time;
             out.hit = hits[number];
-            // A matte surface is not there.
-            if sample.color.w == 0.0 {
+            if !is_seen(sample) {
                 out.hit.instance = NONE;
             }
         }

@@ -95,6 +95,10 @@ struct TraceLaunch {
     radius: f32,
     // Pad of slab tests against the tree over instances, per unit of distance from the world's origin.
     pad: f32,
+    // Number of the layer, where rays go on behind what they meet.
+    layer: u32,
+    // First word of the sides of instances, where some are passed through; see sides_some.wgsl.
+    sides: u32,
 }
 
 // Where rays leave a first hit, world space relative to the world's origin.
@@ -275,6 +279,18 @@ struct ShadeLaunch {
     instances: u32,
     // First of their numbers in `words`, which ascend, and after these the place of each; 0xffffffff where they are their places.
     places: u32,
+    // Number of the layer, where rays go on behind what they meet.
+    layer: u32,
+}
+
+// What is left of a ray behind the layers that it has met.
+struct Veil {
+    // Share that goes on.
+    transmittance: f32,
+    // Share that matte surfaces took.
+    held_out: f32,
+    // 1 once something was met that is not wholly transparent.
+    seen: u32,
 }
 
 // What one camera sample brings home.

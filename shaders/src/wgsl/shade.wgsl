@@ -1,11 +1,8 @@
-// Stage `shade`: what the first hit of each ray gives, where everything is opaque; the twin of core's render/integrate.rs,
-// trace/shading.rs and shade.
+// What hits give; the twin of core's trace/shading.rs and shade. shade_first.wgsl and shade_layers.wgsl use it.
 //
 // A surface is lit by the light that rides on the camera: its colour times how much its normal looks along the axis of
-// view, from either side. A matte one takes its ray away and gives nothing, as if nothing were hit.
+// view, from either side.
 
-// Pages come one after the other; what a ray brings home is of the page that its hit is on, and of the first where there is none.
-//
 // The permutation fixes COLOR (colours are asked for, else only what is covered), TIME (something moves) and MOVES (the
 // camera does).
 
@@ -14,14 +11,13 @@
 @group(1) @binding(2) var<uniform> camera: Camera;
 @group(1) @binding(3) var<storage, read> tables: array<u32>;
 @group(2) @binding(0) var<storage, read> rays: array<Ray>;
-@group(2) @binding(1) var<storage, read> hits: array<Hit>;
 @group(2) @binding(2) var<uniform> launch: ShadeLaunch;
 @group(2) @binding(3) var<storage, read_write> samples: array<Sample>;
 
 const WORKGROUP: u32 = 64u;
 // Instance of a miss.
 const NONE: u32 = 0xffffffffu;
-// Where the value of a colour is: one for all, one a grid, one a vertex.
+// Where the value of a colour, or an opacity, is: one for all, one a grid, one a vertex.
 const CONSTANT: u32 = 0u;
 const GRIDS: u32 = 1u;
 
@@ -60,7 +56,7 @@ fn facing(n: vec3<f32>, time: f32) -> f32 {
     return abs(unit_or_zero(vec3<f32>(dot(pose.x, n), dot(pose.y, n), dot(pose.z, n))).z);
 }
 
-// A colour's value at a key.
+// The value at a key.
 fn paint_at(look: Look, cell: Cell, key: u32) -> vec3<f32> {
     var out = vec3<f32>(0.0);
     let first = look.paint + key * look.lanes;
@@ -81,7 +77,8 @@ fn paint_at(look: Look, cell: Cell, key: u32) -> vec3<f32> {
     return out;
 }
 
-fn albedo(look: Look, cell: Cell, time: f32) -> vec3<f32> {
+// The value at a time.
+fn painted(look: Look, cell: Cell, time: f32) -> vec3<f32> {
     if !TIME || look.paint_keys < 2u {
         return paint_at(look, cell, 0u);
     }
@@ -96,18 +93,8 @@ fn albedo(look: Look, cell: Cell, time: f32) -> vec3<f32> {
     return at + (paint_at(look, cell, key + 1u) - at) * fraction;
 }
 
-// Colour and alpha of a first hit on this instance.
-fn surface(ray: Ray, hit: Hit, number: u32) -> vec4<f32> {
-    let look = looks[number];
-    if look.matte != 0u {
-        return vec4<f32>(0.0);
-    }
-    if !COLOR {
-        return vec4<f32>(0.0, 0.0, 0.0, 1.0);
-    }
-    let instance = instances[number];
-    let object = objects[instance.object];
-    let cell = cell_of(object, hit);
+// Radiance of a hit on this instance.
+fn radiance(ray: Ray, hit: Hit, look: Look, instance: Instance, object: Object, cell: Cell) -> vec3<f32> {
     var n = vec3<f32>(0.0);
     if look.normal_keys != 0u {
         n = unit_or_zero(carried_normal(instance, smooth_normal(object, look, cell, ray.time), ray.time));
@@ -116,29 +103,5 @@ fn surface(ray: Ray, hit: Hit, number: u32) -> vec4<f32> {
         n = unit_or_zero(carried_normal(instance, facet_normal(object, cell, hit, ray.time), ray.time));
     }
     let light = launch.light * facing(n, ray.time);
-    return vec4<f32>(albedo(look, cell, ray.time) * light, 1.0);
-}
-
-@compute @workgroup_size(64)
-fn shade(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let index = group.y * launch.row + group.x * WORKGROUP + lane;
-    if group.x * WORKGROUP + lane >= launch.row || index >= launch.ray_count {
-        return;
-    }
-    let ray = rays[index];
-    var hit = hits[ray.number];
-    var color = vec4<f32>(0.0);
-    if hit.instance == NONE {
-        if launch.page != 0u {
-            return;
-        }
-    } else {
-        let place = place_of(hit);
-        if place.instance == NONE {
-            return;
-        }
-        hit.grid = place.grid;
-        color = surface(ray, hit, place.instance);
-    }
-    samples[ray.number] = Sample(color, ray.weight, ray.distance2, ray.time);
+    return painted(look, cell, ray.time) * light;
 }

@@ -6,8 +6,9 @@
 // any hit will do, the first ends the walk, and children come as they stand: whether there is one does not depend on it.
 
 // The permutation fixes TIME (something moves: nodes, vertices or instances may have a second end), STACK (entries of
-// the stack; the host knows how many a scene needs at most), ANY (any hit will do) and what `tell` and `visit` do with the work
-// of a ray: tell_none.wgsl, tell_counts.wgsl or tell_visits.wgsl.
+// the stack; the host knows how many a scene needs at most), ANY (any hit will do), what `tell` and `visit` do with the work
+// of a ray (tell_none.wgsl, tell_counts.wgsl or tell_visits.wgsl), which sides of surfaces are there (sides_all.wgsl or
+// sides_some.wgsl), and whether hits are left out that were met before (met_none.wgsl or met_before.wgsl).
 
 @group(0) @binding(0) var<storage, read> nodes: array<vec4<u32>>;
 @group(0) @binding(1) var<storage, read> planes: array<f32>;
@@ -176,6 +177,7 @@ fn walk(ray: Ray, best: ptr<function, Hit>) -> vec2<u32> {
                 frame = 0u;
                 slab = turned(tree, 0u);
                 cells = cell_ray(local.origin, local.dir, ray.time, object);
+                come_to(at & ~LEAF);
                 at = object.root;
                 leave = false;
             }
