@@ -9,8 +9,8 @@ import pytest
 from hdtrapeze.devices import devices
 from hdtrapeze.options import Options
 from hdtrapeze.render import Renderer
-from pxr import Sdf, UsdGeom
-from scenes import add_quad
+from pxr import Gf, Sdf, UsdGeom
+from scenes import add_quad, set_samples
 from test_windows import busy_stage
 
 AOVS = ("color", "depth", "primId", "instanceId", "elementId", "normal")
@@ -18,20 +18,20 @@ AOVS = ("color", "depth", "primId", "instanceId", "elementId", "normal")
 needs_device = pytest.mark.skipif(not devices(), reason="no Vulkan, Metal or DX12 device is found")
 
 
-def render(stage, backend, **options):
+def render(stage, backend, aovs=AOVS, **options):
     options = Options(
         width=48,
         height=48,
         samples=16,
         camera="/camera",
-        aovs=list(AOVS),
+        aovs=list(aovs),
         backend=backend,
         **options,
     )
     with Renderer(options) as renderer:
         renderer.load(stage, 0.0)
         renderer.render()
-        images = {name: renderer.aov(name) for name in AOVS}
+        images = {name: renderer.aov(name) for name in aovs}
         return images, renderer.log.warnings
 
 
@@ -48,10 +48,14 @@ def test_images_are_the_cpus():
         assert np.mean(off > 1e-4) < 0.01, name
 
 
-@needs_device
-def test_layers_are_composited_once():
-    """The CPU goes on from the device's hits, whose distances are rounded otherwise."""
-    stage = busy_stage()
+def add_turning(stage):
+    """A quad that turns over while the shutter is open: a side of it that is culled is not for a GPU."""
+    quad = add_quad(stage, "/turning", -2, -2, 2, 2, z=1.0)
+    scale = UsdGeom.Xformable(quad).AddScaleOp().GetAttr()
+    set_samples(scale, {0: Gf.Vec3f(1, 1, 1), 1: Gf.Vec3f(-1, 1, 1)})
+
+
+def add_panes(stage):
     for i in range(4):
         quad = add_quad(stage, f"/pane{i}", -6, -6, 6, 6, z=4.0 + 0.3 * i)
         UsdGeom.Xformable(quad).AddRotateXYZOp().Set((3.0 * i, 5.0 - 2.0 * i, 0))
@@ -59,16 +63,44 @@ def test_layers_are_composited_once():
             "displayOpacity", Sdf.ValueTypeNames.FloatArray, "constant"
         )
         opacity.Set([0.3])
-    (gpu, _), (cpu, _) = render(stage, "gpu"), render(stage, "cpu")
+
+
+@needs_device
+@pytest.mark.parametrize("shaded_there", [True, False])
+def test_layers_are_composited_once(shaded_there):
+    """Where the CPU shades, it goes on from the device's hits, whose distances are rounded otherwise."""
+    stage = busy_stage()
+    add_panes(stage)
+    aovs = [name for name in AOVS if not shaded_there or name != "normal"]
+    (gpu, warnings), (cpu, _) = (render(stage, backend, aovs) for backend in ("gpu", "cpu"))
+    assert warnings == []
+    for name in ("primId", "instanceId", "elementId"):
+        assert (gpu[name] != cpu[name]).mean() < 0.002, name
     off = np.abs(gpu["color"].astype(np.float64) - cpu["color"])
     assert off.max() < 0.02 and np.mean(off > 1e-4) < 0.01
 
 
 @needs_device
+@pytest.mark.parametrize("cull", ["back", "front", "backUnlessDoubleSided"])
+def test_sides_are_passed_through(cull):
+    stage = busy_stage()
+    add_panes(stage)
+    (gpu, warnings), (cpu, _) = (
+        render(stage, backend, AOVS[:-1], cull=cull) for backend in ("gpu", "cpu")
+    )
+    assert warnings == []
+    for name in ("primId", "instanceId", "elementId"):
+        assert (gpu[name] != cpu[name]).mean() < 0.002, name
+    off = np.abs(gpu["color"].astype(np.float64) - cpu["color"])
+    assert np.mean(off > 1e-4) < 0.01
+
+
+@needs_device
 def test_a_scene_that_it_does_not_take_is_rendered_on_the_cpu():
     stage = busy_stage()
+    add_turning(stage)
     (gpu, warnings), (cpu, _) = render(stage, "gpu", cull="back"), render(stage, "cpu", cull="back")
-    assert len(warnings) == 1 and "culled" in str(warnings[0])
+    assert len(warnings) == 1 and "turn over" in str(warnings[0])
     for name in AOVS:
         np.testing.assert_array_equal(gpu[name], cpu[name], err_msg=name)
 
@@ -105,13 +137,15 @@ def test_a_stage_can_be_the_first_on_the_gpu(tmp_path):
 def test_a_command_whose_gpu_did_not_render_all_writes_it_and_ends_with_an_error(tmp_path):
     path = tmp_path / "scene.usda"
     stage = busy_stage()
+    add_turning(stage)
     stage.GetRootLayer().Export(str(path))
     out = tmp_path / "out.png"
-    small = ("record", "--imageWidth", "16", "--samples", "1", str(path), str(out))
+    small = ("record", "--imageWidth", "16", "--samples", "1", "--camera", "/camera")
+    small += (str(path), str(out))
     for quiet, lines in (((), 2), (("--quiet",), 1)):
         ended = command(*small, "--cull", "back", "--backend", "gpu", *quiet)
         # Drivers have their own lines.
-        told = [line for line in ended.stderr.splitlines() if "culled" in line]
+        told = [line for line in ended.stderr.splitlines() if "turn over" in line]
         assert ended.returncode == 1 and out.exists() and len(told) == lines
         assert told[-1].startswith("error: The GPU did not render all")
         out.unlink()
