@@ -49,7 +49,7 @@ def test_images_are_the_cpus():
 
 
 def add_turning(stage):
-    """A quad that turns over while the shutter is open: a side of it that is culled is not for a GPU."""
+    """A quad that turns over while the shutter is open, whose culled sides are not for a GPU."""
     quad = add_quad(stage, "/turning", -2, -2, 2, 2, z=1.0)
     scale = UsdGeom.Xformable(quad).AddScaleOp().GetAttr()
     set_samples(scale, {0: Gf.Vec3f(1, 1, 1), 1: Gf.Vec3f(-1, 1, 1)})
@@ -68,7 +68,7 @@ def add_panes(stage):
 @needs_device
 @pytest.mark.parametrize("shaded_there", [True, False])
 def test_layers_are_composited_once(shaded_there):
-    """Where the CPU shades, it goes on from the device's hits, whose distances are rounded otherwise."""
+    """Where the CPU shades, it goes on from hits whose distances are rounded otherwise."""
     stage = busy_stage()
     add_panes(stage)
     aovs = [name for name in AOVS if not shaded_there or name != "normal"]
