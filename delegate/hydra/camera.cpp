@@ -143,7 +143,8 @@ void HdTrapezeCamera::_SendLens(HdTrapezeSyncing const& camera) const {
 }
 
 void HdTrapezeCamera::SampleAgain(HdRenderIndex& index, HdTrapezeRenderParam const& param) const {
-    param.MarkDirty(index, GetId(), &HdChangeTracker::MarkSprimDirty, DirtyTransform | DirtyParams,
+    param.MarkDirty(index, {GetId()}, &HdChangeTracker::MarkSprimDirty,
+                    DirtyTransform | DirtyParams,
                     {HdXformSchema::GetDefaultLocator(), HdCameraSchema::GetDefaultLocator()});
 }
 

@@ -120,15 +120,28 @@ bool HdTrapezeRenderParam::HasDelegates(HdRenderIndex const& index) const {
 
 // Change trackers take marks for prims of scene delegates only. For those of scene indices it is
 // their observer that is told, which hands them on to the render index.
-void HdTrapezeRenderParam::MarkDirty(HdRenderIndex& index, SdfPath const& id, Mark mark,
-                                     HdDirtyBits bits,
-                                     HdDataSourceLocatorSet const& locators) const {
+bool HdTrapezeRenderParam::MarkDirty(HdRenderIndex& index, SdfPathVector const& ids, Mark mark,
+                                     HdDirtyBits bits, HdDataSourceLocatorSet const& locators,
+                                     Source source) const {
     HdSceneIndexObserver* const observer = _observer;
-    if (!observer || IsOfDelegate(index, id)) {
-        (index.GetChangeTracker().*mark)(id, bits);
-    } else {
-        observer->PrimsDirtied(*index.GetTerminalSceneIndex(), {{id, locators}});
+    HdSceneIndexObserver::DirtiedPrimEntries told;
+    bool any = false;
+    for (SdfPath const& id : ids) {
+        bool const ofDelegate = IsOfDelegate(index, id);
+        if (source == (ofDelegate ? Source::SceneIndices : Source::Delegates)) {
+            continue;
+        }
+        any = true;
+        if (!observer || ofDelegate) {
+            (index.GetChangeTracker().*mark)(id, bits);
+        } else {
+            told.emplace_back(id, locators);
+        }
     }
+    if (!told.empty()) {
+        observer->PrimsDirtied(*index.GetTerminalSceneIndex(), told);
+    }
+    return any;
 }
 
 bool HdTrapezeRenderParam::_MarkDirty(HdRenderIndex& index, HdDirtyBits bits, Source source) const {
@@ -137,18 +150,15 @@ bool HdTrapezeRenderParam::_MarkDirty(HdRenderIndex& index, HdDirtyBits bits, So
         HdPrimvarsSchema::GetDefaultLocator(),
         HdExtComputationPrimvarsSchema::GetDefaultLocator(),
     };
-    bool any = false;
     auto const markAll = [&](auto const& all, Mark mark) {
+        SdfPathVector ids;
         for (auto const& [id, one] : all) {
-            if (source != (IsOfDelegate(index, id) ? Source::SceneIndices : Source::Delegates)) {
-                any = true;
-                MarkDirty(index, id, mark, bits, locators);
-            }
+            ids.push_back(id);
         }
+        return MarkDirty(index, ids, mark, bits, locators, source);
     };
-    markAll(prims.All(), &HdChangeTracker::MarkRprimDirty);
-    markAll(instancers.All(), &HdChangeTracker::MarkInstancerDirty);
-    return any;
+    bool const any = markAll(prims.All(), &HdChangeTracker::MarkRprimDirty);
+    return markAll(instancers.All(), &HdChangeTracker::MarkInstancerDirty) || any;
 }
 
 bool HdTrapezeRenderParam::MarkMotionDirty(HdRenderIndex& index, Source source) const {

@@ -76,11 +76,12 @@ public:
     /// Has what may move synced again. True where there is any.
     bool MarkMotionDirty(HdRenderIndex& index, Source source) const;
 
-    /// Has one prim synced again: what `bits` stand for, `locators` of scene indices. `mark` is the
-    /// change tracker's function for such prims.
+    /// Has those of some prims synced again that come from there: what `bits` stand for, `locators`
+    /// of scene indices. `mark` is the change tracker's function for such prims. True where there
+    /// is any.
     using Mark = void (HdChangeTracker::*)(SdfPath const&, HdDirtyBits);
-    void MarkDirty(HdRenderIndex& index, SdfPath const& id, Mark mark, HdDirtyBits bits,
-                   HdDataSourceLocatorSet const& locators) const;
+    bool MarkDirty(HdRenderIndex& index, SdfPathVector const& ids, Mark mark, HdDirtyBits bits,
+                   HdDataSourceLocatorSet const& locators, Source source = Source::All) const;
 
     /// Says what hands on marks for prims of scene indices: the host's scene delegate, where it has
     /// any.
