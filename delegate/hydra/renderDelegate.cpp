@@ -9,8 +9,10 @@
 #include "renderPass.h"
 #include "renderSettings.h"
 #include "rprim.h"
+#include "schema.h"
 
 #include "pxr/imaging/hd/extComputation.h"
+#include "pxr/imaging/hd/renderIndex.h"
 #include "pxr/imaging/hd/resourceRegistry.h"
 #include "pxr/imaging/hd/tokens.h"
 
@@ -194,6 +196,13 @@ HdTrapezeRenderDelegate::CreateRenderPass(HdRenderIndex* index,
 
 HdInstancer* HdTrapezeRenderDelegate::CreateInstancer(HdSceneDelegate* delegate,
                                                       SdfPath const& id) {
+    // Nothing has it synced where it has no prototypes; scene delegates leave it out themselves.
+    HdRenderIndex const& index = delegate->GetRenderIndex();
+    HdTrapezeSchema const topology(index, id, HdDataSourceLocator(TfToken("instancerTopology")));
+    if (!HdTrapezeRenderParam::IsOfDelegate(index, id) &&
+        topology.Get(TfToken("prototypes"), VtArray<SdfPath>()).empty()) {
+        _param->WarnOnce(id, "it has no prototypes; it is not rendered");
+    }
     return new HdTrapezeInstancer(delegate, id);
 }
 

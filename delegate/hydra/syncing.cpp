@@ -9,7 +9,7 @@ PXR_NAMESPACE_OPEN_SCOPE
 uint32_t HdTrapezeSyncing::Word(char const* attribute, TfToken const& word) const {
     uint32_t constant = 0;
     if (trz_word(attribute, word.GetText(), &constant) == TRZ_ERROR_NOT_FOUND) {
-        param.WarnOnce(id, "unknown word " + word.GetString() + "; USD's fallback is used");
+        param.WarnOnce(id, trz_last_error());
     }
     return constant;
 }

@@ -201,10 +201,7 @@ impl Session {
         }
         check_writable(path.as_ref())?;
         let mine = product.shape.inherited(&request.shape, known);
-        let (shape, texts) = mine.or(known, |name, other| match request.shape.says(name, known) {
-            true => format!("the render settings' {other}"),
-            false => other,
-        });
+        let (shape, texts) = mine.or(known);
         for text in texts {
             self.say_once(&product.path, &text);
         }
@@ -350,10 +347,15 @@ fn check_writable(path: &Path) -> Result<(), Error> {
         let folder = folder.display();
         return Err(Error::Io(format!("the folder {folder} does not exist")));
     }
-    match path.is_dir() {
-        true => Err(Error::Io(format!("{} is a folder", path.display()))),
-        false => Ok(()),
+    if path.is_dir() {
+        return Err(Error::Io(format!("{} is a folder", path.display())));
     }
+    // A file without a name, which is gone at once.
+    if tempfile::tempfile_in(folder).is_err() {
+        let folder = folder.display();
+        return Err(Error::Io(format!("the folder {folder} is not writable")));
+    }
+    Ok(())
 }
 
 impl Shape {
@@ -387,13 +389,11 @@ impl Shape {
         shape
     }
 
-    /// The shape with another's values in place of those that cannot be, and what there is to say of it;
-    /// `used` names what is used of an attribute.
-    fn or(&self, other: &Self, used: impl Fn(&str, String) -> String) -> (Self, Vec<String>) {
+    /// The shape with another's values in place of those that cannot be, and what there is to say of it.
+    fn or(&self, other: &Self) -> (Self, Vec<String>) {
         let mut shape = self.clone();
         let mut texts = Vec::new();
-        let mut tell = |name: &str, value: String, why: &str, other: String| {
-            let used = used(name, other);
+        let mut tell = |name: &str, value: String, why: &str, used: String| {
             texts.push(format!(
                 "{name} is {value}, which cannot be: {why}; {used} is used"
             ));
@@ -437,18 +437,6 @@ impl Shape {
     }
 }
 
-impl KnownShape {
-    /// Whether a value of what is `known` of the settings is theirs.
-    fn says(&self, name: &str, known: &Shape) -> bool {
-        match name {
-            "resolution" => self.resolution == Some(known.resolution),
-            "pixelAspectRatio" => self.pixel_aspect == Some(known.pixel_aspect),
-            "aspectRatioConformPolicy" => self.conform.as_ref() == Some(&known.conform),
-            _ => self.data_window == Some(known.data_window),
-        }
-    }
-}
-
 fn shown<T: ToString, const N: usize>(values: [T; N]) -> String {
     format!("({})", values.map(|value| value.to_string()).join(", "))
 }
@@ -465,7 +453,7 @@ fn settings_shape(request: &Request) -> (Shape, Vec<String>) {
         conform: authored.conform.unwrap_or_else(|| schema.conform.clone()),
         data_window: authored.data_window.unwrap_or(schema.data_window),
     };
-    shape.or(&schema, |_, other| other)
+    shape.or(&schema)
 }
 
 /// The host's own image with what it takes of the settings' shape.
@@ -649,7 +637,7 @@ mod tests {
     #[test]
     fn pixels_make_up_for_windows_that_do_not_conform() {
         let made = |conform, pixel_aspect, camera_aspect| {
-            let (shape, _) = shape(conform, pixel_aspect).or(&Shape::of_schema(), |_, other| other);
+            let (shape, _) = shape(conform, pixel_aspect).or(&Shape::of_schema());
             let settings = image(&shape, camera_aspect, &RenderSettings::default()).unwrap();
             (settings.window_policy, settings.pixel_aspect)
         };
@@ -687,21 +675,19 @@ mod tests {
             data_window: [0.5, 0.0, f32::NAN, 1.0],
             ..shape("stretch", -1.0)
         };
-        let (made, told) = wrong.or(&other, |name, value| format!("[{name}: {value}]"));
+        let (made, told) = wrong.or(&other);
         assert_eq!(made, other);
         let expected = [
             "resolution is (0, 4), which cannot be: the image width must be from 1 to 65536 pixels; \
-             [resolution: (200, 100)] is used",
+             (200, 100) is used",
             "aspectRatioConformPolicy is stretch, which cannot be: known are expandAperture, cropAperture, \
-             adjustApertureWidth, adjustApertureHeight, adjustPixelAspectRatio; \
-             [aspectRatioConformPolicy: cropAperture] is used",
-            "pixelAspectRatio is -1, which cannot be: it must be from 0.001 to 1000; \
-             [pixelAspectRatio: 2] is used",
+             adjustApertureWidth, adjustApertureHeight, adjustPixelAspectRatio; cropAperture is used",
+            "pixelAspectRatio is -1, which cannot be: it must be from 0.001 to 1000; 2 is used",
             "dataWindowNDC is (0.5, 0, NaN, 1), which cannot be: the data window must have xmin < xmax \
-             and ymin < ymax; [dataWindowNDC: (0, 0, 0.5, 1)] is used",
+             and ymin < ymax; (0, 0, 0.5, 1) is used",
         ];
         assert_eq!(told, expected);
-        let (made, told) = shape("", 2.0).or(&other, |_, value| value);
+        let (made, told) = shape("", 2.0).or(&other);
         assert_eq!(made.conform, "cropAperture");
         assert!(
             told[0].starts_with("aspectRatioConformPolicy is empty, which cannot be: known are")
@@ -710,7 +696,7 @@ mod tests {
             shape("expandAperture", 2.0),
             shape("adjustPixelAspectRatio", -1.0),
         ] {
-            let (made, told) = fine.or(&other, |_, value| value);
+            let (made, told) = fine.or(&other);
             assert_eq!(told, [""; 0]);
             assert_eq!(made.resolution, fine.resolution);
         }

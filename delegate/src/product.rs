@@ -91,6 +91,9 @@ const ALIASES: &[(&str, &str, Option<usize>)] = &[
 /// Light path expressions of the whole image.
 const WHOLE_IMAGE: &[&str] = &["C.*[<L.>O]", "C.*[LO]", "C.*<L.>", "C.*"];
 
+/// USD's types that hold no numbers.
+const WORDS: &[&str] = &["string", "token", "asset"];
+
 impl RenderVar {
     /// Where the var's values come from, whether this renderer has it or not.
     ///
@@ -134,9 +137,13 @@ impl RenderVar {
         }
     }
 
-    /// A warning about a type that is not known; the values are then written as they are.
+    /// A warning about a type that is not known; the values are then written as they are. A primvar of
+    /// words has no such values, which is told where its AOV is decided.
     pub fn check_type(&self) -> Option<Warning> {
         let (what, name) = self.type_name()?;
+        if self.source_type == "primvar" && WORDS.contains(&name) {
+            return None;
+        }
         let text = format!("its {what} {name} is not known; its values are written as they are");
         match value_type(name) {
             Some(_) => None,
@@ -429,6 +436,13 @@ mod tests {
             let warning = typed("/v", "P", bad).check_type().unwrap();
             assert!(warning.prim == "/v" && warning.text.contains(bad), "{bad}");
         }
+        let words = typed("/v", "label", "string");
+        assert!(words.check_type().is_some());
+        let primvar = RenderVar {
+            source_type: "primvar".to_owned(),
+            ..words
+        };
+        assert_eq!(primvar.check_type(), None);
     }
 
     #[test]

@@ -20,18 +20,16 @@ for name in names:
 UNTOLD = {
     "color_indices",
     "lost_prototypes",
-    "no_prototypes",
     "prototypes_beyond",
     "unknown_type",
 }
 # What scene delegates take out as well.
-UNTOLD_BY_DELEGATES = {"no_positions", "sphere"}
+UNTOLD_BY_DELEGATES = {"no_positions", "no_prototypes", "sphere"}
 # No fault of the prim with velocities: of hosts before 25.05.
 GUESS = "this host does not tell the stage's time codes a second"
 # What Hydra cannot say in the same words.
 REWORDED = {
     "lengths_differ": "point samples differ in length within the shutter",
-    "scheme": "unknown word fractal",
     "volume": "prims of type volume are not supported",
 }
 

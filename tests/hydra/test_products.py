@@ -89,6 +89,7 @@ def test_what_cannot_be_gives_one_warning_and_the_rest_is_written(host, tmp_path
         "Nothing": ("f.exr", "float4 dataWindowNDC = (0.5, 0.5, 0.5, 0.6)"),
         "NoPixel": ("j.exr", "float4 dataWindowNDC = (0.5, 0.5, 0.5001, 0.6)"),
         "Lost": ("missing/g.exr", ""),
+        "Closed": ("/proc/k.exr", ""),
         "Folder": ("folder.exr", ""),
         "Var": ("h.exr", "rel orderedVars = </Render/Bad>"),
         "Setting": ("i.exr", 'int trapeze:samples = 0\nstring trapeze:x = "y"'),
@@ -107,22 +108,33 @@ def test_what_cannot_be_gives_one_warning_and_the_rest_is_written(host, tmp_path
             {{
                 string sourceName = "nonsense"
             }}
+            def RenderVar "Words"
+            {{
+                string sourceName = "label"
+                token sourceType = "primvar"
+                token dataType = "string"
+            }}
             {"".join(product(name, *rest) for name, rest in products.items())}
-            {product("Digits", "a%099999999999d.exr")}
+            {product("Digits", "a%099999999999d.exr", "rel orderedVars = </Render/Words>")}
         }}
     """
     ran = host.run(RECORD, scene=SCENES / "products.usda", over=over)
+    sizes = (read_exr(tmp_path / "main.exr")["A"].shape[::-1], (96, 64))
     empty = [path for path, text in ran.warnings if "orderedVars is empty" in text]
     assert len(empty) == len(set(empty))
-    said = [path for path, text in ran.warnings if "orderedVars is empty" not in text]
+    rest = [warning for warning in ran.warnings if "orderedVars is empty" not in warning[1]]
     expected = [*products, "Bad", "Setting"]
-    assert sorted(said) == sorted(f"/Render/{name}" for name in expected)
+    assert sorted(path for path, _ in rest) == ["", *sorted(f"/Render/{name}" for name in expected)]
+    texts = dict(rest)
+    assert texts["/Render/Closed"] == "the folder /proc is not writable; it is not written"
+    assert texts["/Render/Empty"].endswith(f"65536 pixels; {sizes[host.scene_index]} is used")
+    assert texts[""].startswith("AOV primvars:label: no prim has such a primvar of numbers")
     written = {path.name for path in tmp_path.iterdir() if path.suffix == ".exr"}
     digits = {name for name in written if name.startswith("a0")}
     assert len(digits) == 1 and len(max(digits)) == len("a.exr") + 64
     assert written - digits == {"main.exr", "e.exr", "f.exr", "i.exr", "folder.exr"}
     # The settings' where the host knows them, as `hdtrapeze record` has it, else the host's own.
-    size = (96, 64) if host.scene_index else read_exr(tmp_path / "main.exr")["A"].shape[::-1]
+    size = sizes[host.scene_index]
     for name in ("e.exr", "f.exr"):
         assert read_exr(tmp_path / name)["A"].shape[::-1] == size
     assert list(read_exr(tmp_path / "i.exr")) and not list((tmp_path / "folder.exr").iterdir())

@@ -6,17 +6,16 @@ library plans, as for Hydra's hosts: here it is told what the stage says, and he
 
 import math
 from dataclasses import dataclass, field
-from pathlib import Path
 
 from pxr import UsdGeom
 
 from . import native
 from .arrays import Arrays, text
 from .camera import camera_aspect, settings_camera
-from .errors import OutputError, UsageError
+from .errors import UsageError
 from .log import SceneLog
 from .options import Options
-from .outputs import Output, check_writable
+from .outputs import Output
 from .planned import Planned
 from .products import Product, fill_var, read_products
 from .render import Renderer
@@ -112,21 +111,16 @@ class Planner:
         return plan
 
     def _checked(self, path: str, file: Planned, options: Options) -> Planned:
-        """The file of a product; after a warning, why it cannot be, as far as the library does not
-        know: it has no crop, and tries no folder."""
-        constants = native.constants()
+        """The file of a product; after a warning, why it cannot be cropped, of which the library
+        does not know."""
         try:
             options.planned(file).data_window(file.width, file.height)
-            check_writable(Path(file.path))
             return file
         except UsageError as error:
-            result, why = constants.TRZ_ERROR_INVALID_ARGUMENT, error
-        except OutputError as error:
-            result, why = constants.TRZ_ERROR_IO, error
-        why = str(why).removesuffix(".")
+            why = str(error).removesuffix(".")
         why = why[:1].lower() + why[1:]
         self._log.warn(path, "product", f"{why}; it is not written")
-        return Planned(result, why)
+        return Planned(native.constants().TRZ_ERROR_INVALID_ARGUMENT, why)
 
     def _view(self, renderer: Renderer, frame: float | None, path: str, arrays: Arrays):
         request = self._request

@@ -1772,7 +1772,8 @@ trz_result trz_path_sample(const double *start,
                            size_t *count);
 
 // The constant that a word stands for as the value of an attribute, by their names in USD. An empty word
-// is USD's fallback; so is one that is not known, which is TRZ_ERROR_NOT_FOUND, with out written.
+// is USD's fallback; so is one that is not known, which is TRZ_ERROR_NOT_FOUND, with out written: then
+// the last error is a sentence for users.
 // Attributes: subdivisionScheme, interpolateBoundary, faceVaryingLinearInterpolation,
 // triangleSubdivisionRule, orientation, basis, wrap, axis and trapeze:curves.
 //

@@ -94,7 +94,8 @@ const WORDS: [Words; 9] = [
 ];
 
 /// The constant that a word stands for as the value of an attribute, by their names in USD. An empty word
-/// is USD's fallback; so is one that is not known, which is TRZ_ERROR_NOT_FOUND, with out written.
+/// is USD's fallback; so is one that is not known, which is TRZ_ERROR_NOT_FOUND, with out written: then
+/// the last error is a sentence for users.
 /// Attributes: subdivisionScheme, interpolateBoundary, faceVaryingLinearInterpolation,
 /// triangleSubdivisionRule, orientation, basis, wrap, axis and trapeze:curves.
 ///
@@ -125,9 +126,24 @@ pub unsafe extern "C" fn trz_word(
                 true => Ok(()),
                 false => Err(Fault::new(
                     TRZ_ERROR_NOT_FOUND,
-                    format!("{word} is no value of {attribute}"),
+                    unknown(attribute, word, *fallback, words),
                 )),
             }
         })
+    }
+}
+
+/// What there is to say of a word that is not known.
+fn unknown(attribute: &str, word: &str, fallback: u32, words: &[(&str, u32)]) -> String {
+    let known: Vec<&str> = words.iter().map(|known| known.0).collect();
+    let known = known.join(", ");
+    // USD's attributes are never without a value; primvars of this renderer may be.
+    match words.iter().find(|known| known.1 == fallback) {
+        Some((used, _)) => {
+            format!("{attribute} is '{word}', which is none of {known}; {used} is used")
+        }
+        None => {
+            format!("primvars:{attribute} is '{word}', which is none of {known}; it is ignored")
+        }
     }
 }

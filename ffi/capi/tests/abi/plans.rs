@@ -133,6 +133,7 @@ fn files_renders_and_refusals() {
             var_target_count: 1,
             ..of(c"/none", c"/tmp/none.exr")
         },
+        of(c"/closed", c"/proc/a.exr"),
     ];
     let files = plan(&session, &own, &products);
     let results: Vec<_> = files
@@ -151,6 +152,7 @@ fn files_renders_and_refusals() {
             (TRZ_ERROR_IO, 0),
             (TRZ_ERROR_IO, 0),
             invalid,
+            (TRZ_ERROR_IO, 0),
             invalid,
         ]
     );
@@ -160,7 +162,8 @@ fn files_renders_and_refusals() {
     assert_eq!(files[3].why, "/tmp/../tmp/b.exr is already written by /b");
     assert_eq!(files[5].why, "the folder /no such folder does not exist");
     assert!(files[6].why.ends_with(" is a folder"), "{:?}", files[6]);
-    assert_eq!(files[8].why, "/tmp/a.0007.exr is already written by /a");
+    assert_eq!(files[8].why, "the folder /proc is not writable");
+    assert_eq!(files[9].why, "/tmp/a.0007.exr is already written by /a");
     std::fs::remove_dir(&folder).unwrap();
     // Without a file of that name it is the last render.
     let own = trz_view {
@@ -221,8 +224,8 @@ fn shapes_of_settings() {
     for used in [
         "pixels; (2048, 1080) is used",
         "1000; 1 is used",
-        "adjustPixelAspectRatio; the render settings' adjustApertureHeight is used",
-        "ymax; the render settings' (0, 0, 0.5, 1) is used",
+        "adjustPixelAspectRatio; adjustApertureHeight is used",
+        "ymax; (0, 0, 0.5, 1) is used",
     ] {
         let found = of("/wrong").iter().any(|told| told.3.ends_with(used));
         assert!(found, "{used}: {told:?}");

@@ -286,12 +286,12 @@ fn products_are_written_and_those_that_cannot_be_are_told() {
         (
             "/empty",
             "dataWindowNDC is (0.5, 0, 0.5, 1), which cannot be: the data window must have xmin < xmax and \
-             ymin < ymax; the render settings' (0, 0, 1, 0.5) is used",
+             ymin < ymax; (0, 0, 1, 0.5) is used",
         ),
         (
             "/empty",
-            "resolution is (0, 8), which cannot be: the image width must be from 1 to 65536 pixels; the \
-             render settings' (3, 2) is used",
+            "resolution is (0, 8), which cannot be: the image width must be from 1 to 65536 pixels; (3, 2) \
+             is used",
         ),
         ("/folder", "folder.exr is a folder; it is not written"),
         (

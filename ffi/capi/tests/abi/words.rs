@@ -2,6 +2,7 @@
 
 use std::ffi::CString;
 
+use crate::support::last_error;
 use hdtrapeze::*;
 
 fn word(attribute: &str, word: &str) -> (trz_result, u32) {
@@ -41,6 +42,19 @@ fn without_a_known_word_it_is_the_fallback() {
         assert_eq!(word(attribute, ""), (TRZ_OK, fallback), "{attribute}");
         let unknown = word(attribute, "nothing");
         assert_eq!(unknown, (TRZ_ERROR_NOT_FOUND, fallback), "{attribute}");
+    }
+    for (attribute, told) in [
+        (
+            "axis",
+            "axis is 'nothing', which is none of X, Y, Z; Z is used",
+        ),
+        (
+            "trapeze:curves",
+            "primvars:trapeze:curves is 'nothing', which is none of auto, ribbons, tubes; it is ignored",
+        ),
+    ] {
+        word(attribute, "nothing");
+        assert_eq!(last_error(), told);
     }
     assert_eq!(word("colour", "red").0, TRZ_ERROR_INVALID_ARGUMENT);
 }
