@@ -9,7 +9,7 @@ use hdtrapeze_shaders::layout::{Hit, Sample, Veil};
 use hdtrapeze_shaders::stage::{self, VEILS_AT};
 use wgpu::BufferUsages as Usage;
 
-use super::trace::to_layout;
+use super::trace::{to_layout, unpacked};
 use super::{Device, GpuError};
 
 // Both sides give up at the same transmittance.
@@ -49,9 +49,25 @@ impl Layers {
     /// Puts there what rays met in a layer.
     pub fn put(&self, device: &Device, layer: usize, hits: &[trace::Hit]) {
         let hits: Vec<Hit> = hits.iter().map(to_layout).collect();
-        let first = (1 + layer % 2) * self.len * size_of::<Hit>();
+        let first = self.first(layer) * size_of::<Hit>();
         let bytes = bytemuck::cast_slice(&hits);
         device.queue.write_buffer(&self.hits, first as u64, bytes);
+    }
+
+    /// Fetches what rays met in a layer, the last one or the one before.
+    ///
+    /// # Errors
+    /// The device failed or is lost.
+    pub fn get(&self, device: &Device, layer: usize) -> Result<Vec<trace::Hit>, GpuError> {
+        let mut all = vec![Hit::default(); 3 * self.len];
+        device.fetch(&self.hits, &mut all)?;
+        let own = &all[self.first(layer)..][..self.len];
+        Ok(own.iter().map(unpacked).collect())
+    }
+
+    /// Place of the first hit of a layer.
+    fn first(&self, layer: usize) -> usize {
+        (1 + layer % 2) * self.len
     }
 
     /// Runs one layer after the other by `layer`. How far rays have come is asked after 1, 3, 7... layers: asking waits for the

@@ -11,6 +11,7 @@ use hdtrapeze_shaders::stage::{TRACE_WORKGROUP, TracePermutation};
 use wgpu::BufferUsages as Usage;
 
 use super::kernel::{Binding, Kernel, Kernels, Launch, rows, run};
+use super::layers::Layers;
 use super::scene::Page;
 use super::{Device, GpuError, GpuScene};
 
@@ -140,6 +141,29 @@ impl Tracer {
             counts: counted,
             len,
         })
+    }
+
+    /// What each ray meets first, then behind that, and so on for so many layers: as [`trace::World::next`] tells it, but for
+    /// rounding.
+    ///
+    /// # Errors
+    /// As [`Tracer::batch`].
+    pub fn layers(
+        &self,
+        scene: &GpuScene,
+        rays: &[trace::Ray],
+        count: usize,
+    ) -> Result<Vec<Vec<trace::Hit>>, GpuError> {
+        let (device, len) = (&*self.device, rays.len());
+        device.check()?;
+        let packed: Vec<Ray> = (0..).zip(rays).map(packed).collect();
+        let rays = device.upload("rays", bytemuck::cast_slice(&packed))?;
+        let layers = Layers::new(device, len)?;
+        let one = |layer: usize| {
+            self.layer(scene, [&rays, &layers.hits], len, layer, false)?;
+            layers.get(device, layer)
+        };
+        (0..count).map(one).collect()
     }
 
     /// Traces `len` rays behind what the layer before met; `hits` are as layers.wgsl has them. Gives the seconds that the

@@ -6,7 +6,7 @@ mod support;
 mod trace_scenes;
 
 use glam::{DVec3, Vec3};
-use hdtrapeze_core::trace::{Hit, InstanceTransform, Ray, TraceCounts, World};
+use hdtrapeze_core::trace::{Hit, InstanceTransform, Ray, TraceCounts, World, brute};
 use hdtrapeze_gpu::{GpuError, GpuScene, Tracer};
 use libtest_mimic::Failed;
 use support::*;
@@ -154,6 +154,53 @@ fn many_instances() -> World {
     World::build((0..400).map(at).collect(), DVec3::ZERO)
 }
 
+/// Rays that go on behind what they meet, page by page where arrays may be no larger than `most`: each hit is checked by brute
+/// force, and nearly all rays meet what they meet on the CPU, in that order.
+fn layered(tracer: &Tracer, world: &World, most: u64, least_layers: usize) -> Result<(), Failed> {
+    const LAYERS: usize = 6;
+    let mut rng = Rng(13);
+    let rays: Vec<Ray> = (0..RAYS / 10).map(|_| random_ray(&mut rng)).collect();
+    let scene = GpuScene::with_pages(tracer.device(), world, most)?;
+    if (scene.page_count() > 1) != (most < u64::MAX) {
+        return Err(format!("{} pages", scene.page_count()).into());
+    }
+    let layers = tracer.layers(&scene, &rays, LAYERS)?;
+    let id = |hit: &Hit| (hit.instance, hit.grid, hit.cell);
+    let (mut same, mut most_met) = (0, 0);
+    for (i, ray) in rays.iter().enumerate() {
+        let (mut cpu, mut agrees) = (world.trace(ray, &mut TraceCounts::default()), true);
+        let mut last: Option<Hit> = None;
+        for (layer, hits) in layers.iter().enumerate() {
+            let hit = &hits[i];
+            match last {
+                Some(last) if !last.is_hit() => {
+                    if hit.is_hit() {
+                        return Err(format!("{ray:?}: {hit:?} behind a miss").into());
+                    }
+                }
+                last => brute::verify(world, ray, last.as_ref(), hit)
+                    .map_err(|e| format!("{ray:?}, layer {layer}: {e}"))?,
+            }
+            agrees &= id(hit) == id(&cpu);
+            if hit.is_hit() {
+                most_met = most_met.max(layer + 1);
+            }
+            if cpu.is_hit() {
+                cpu = world.trace_after(ray, &cpu, &mut TraceCounts::default());
+            }
+            last = Some(*hit);
+        }
+        same += usize::from(agrees);
+    }
+    if most_met < least_layers {
+        return Err(format!("only {most_met} layers").into());
+    }
+    if same * 1000 < rays.len() * 985 {
+        return Err(format!("only {same} of {} rays meet the same", rays.len()).into());
+    }
+    Ok(())
+}
+
 /// What no page holds is refused in words, and the device goes on working.
 fn too_large(tracer: &Tracer) -> Result<(), Failed> {
     // Less than the vertices of a grid.
@@ -210,6 +257,31 @@ fn main() {
         add(
             format!("pages_of_{name}"),
             Box::new(move |tracer| paged(tracer, &make(), most, least)),
+        );
+    }
+    let worlds: [Paged; 7] = [
+        (
+            "patches",
+            || world_of(patches(40, 7, &keys(3), 3)),
+            u64::MAX,
+            3,
+        ),
+        ("sphere", || world_of(sphere(2, 5, &keys(1))), u64::MAX, 2),
+        ("crowd", || crowd(12), u64::MAX, 6),
+        ("coincident", || coincident(5), u64::MAX, 5),
+        (
+            "sheet_on_pages",
+            || world_of(sheet(8, 9, &keys(2))),
+            20_000,
+            3,
+        ),
+        ("crowd_on_pages", || crowd(12), 8_000, 6),
+        ("coincident_on_pages", || coincident(100), 4_000, 6),
+    ];
+    for (name, make, most, least_layers) in worlds {
+        add(
+            format!("layers_of_{name}"),
+            Box::new(move |tracer| layered(tracer, &make(), most, least_layers)),
         );
     }
     add("bad_rays".to_owned(), Box::new(bad_rays));
