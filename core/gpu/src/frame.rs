@@ -14,7 +14,7 @@ use hdtrapeze_core::trace::{Hit, Ray};
 use hdtrapeze_shaders::layout::{self, Sample};
 
 use super::film::Filmer;
-use super::layers::Layers;
+use super::layers::{Layer, Layers};
 use super::shade::{GpuLooks, Shader};
 use super::tiles::GpuTiles;
 use super::trace::{packed, to_layout};
@@ -396,25 +396,27 @@ impl GpuFrame {
         let device = self.stages.device();
         let timed = self.seconds.is_some();
         let layers = Layers::new(device, len)?;
-        let shade = |layer: usize| {
-            let buffers = [rays, &layers.hits, &layers.samples, &layers.veils];
+        let shade = |layer: Layer| {
             let shader = &self.stages.shader;
-            let seconds =
-                shader.layer(&self.scene, camera, looks, &buffers, [len, layer], timed)?;
+            let there = (rays, &layers);
+            let seconds = shader.layer(&self.scene, camera, looks, there, layer, timed)?;
             self.took(Stage::Shade, seconds);
             Ok(())
         };
         if self.options.first.of_samples() == Stage::Shade {
             let met = std::iter::once(&made.hits).chain(&made.behind);
-            for (layer, hits) in met.enumerate() {
-                layers.put(device, layer, hits);
-                shade(layer)?;
+            for (number, hits) in met.enumerate() {
+                layers.put(device, number, hits);
+                shade(Layer {
+                    number,
+                    ..Layer::first(len)
+                })?;
             }
             return Ok(layers);
         }
         layers.run(device, |layer| {
             let tracer = &self.stages.tracer;
-            let seconds = tracer.layer(&self.scene, [rays, &layers.hits], len, layer, timed)?;
+            let seconds = tracer.layer(&self.scene, rays, &layers, layer, timed)?;
             self.took(Stage::Trace, seconds);
             shade(layer)
         })?;

@@ -12,8 +12,31 @@ use wgpu::BufferUsages as Usage;
 use super::trace::{to_layout, unpacked};
 use super::{Device, GpuError};
 
-// Both sides give up at the same transmittance.
+// Both sides give up at the same transmittance, and after as many layers.
 const _: () = assert!(LEAST_TRANSMITTANCE == stage::LEAST_TRANSMITTANCE);
+const _: () = assert!(MAX_LAYERS == stage::MAX_LAYERS);
+
+/// A layer that is traced or shaded.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Layer {
+    /// Its number.
+    pub number: usize,
+    /// All rays.
+    pub len: usize,
+    /// No more of them go on to it.
+    pub most: usize,
+}
+
+impl Layer {
+    /// The first, which all rays go to.
+    pub fn first(len: usize) -> Self {
+        Self {
+            number: 0,
+            len,
+            most: len,
+        }
+    }
+}
 
 /// Layers of rays on a device.
 #[derive(Debug)]
@@ -22,7 +45,7 @@ pub(crate) struct Layers {
     pub hits: wgpu::Buffer,
     /// What rays have brought home by now.
     pub samples: wgpu::Buffer,
-    /// What is left of them.
+    /// What is left of them, and which go on.
     pub veils: wgpu::Buffer,
     len: usize,
 }
@@ -44,6 +67,19 @@ impl Layers {
             veils: buffer("what is left of rays", VEILS_AT + each(size_of::<Veil>()))?,
             len,
         })
+    }
+
+    /// Has all rays go on to all layers: none is shaded.
+    pub fn all_go_on(&self, device: &Device) {
+        let counts = vec![self.len as u32; MAX_LAYERS + 1];
+        let veil = |place: u32| Veil {
+            going: [place; 2],
+            ..Veil::default()
+        };
+        let veils: Vec<Veil> = (0..self.len as u32).map(veil).collect();
+        let queue = &device.queue;
+        queue.write_buffer(&self.veils, 0, bytemuck::cast_slice(&counts));
+        queue.write_buffer(&self.veils, VEILS_AT, bytemuck::cast_slice(&veils));
     }
 
     /// Puts there what rays met in a layer.
@@ -70,26 +106,24 @@ impl Layers {
         (1 + layer % 2) * self.len
     }
 
-    /// Runs one layer after the other by `layer`. How far rays have come is asked after 1, 3, 7... layers: asking waits for the
-    /// device, and a layer that no ray comes to costs little.
+    /// Runs one layer after the other by `layer`. How many rays go on is asked after 1, 3, 7... layers: asking waits for the
+    /// device, and a layer that fewer rays come to than there is room for costs little more.
     ///
     /// # Errors
     /// As `layer`; the device failed or is lost.
     pub fn run(
         &self,
         device: &Device,
-        mut layer: impl FnMut(usize) -> Result<(), GpuError>,
+        mut layer: impl FnMut(Layer) -> Result<(), GpuError>,
     ) -> Result<(), GpuError> {
         let (mut next, mut count) = (0, 1);
-        while next < MAX_LAYERS {
+        let (len, mut most) = (self.len, self.len);
+        while most > 0 && next < MAX_LAYERS {
             let end = MAX_LAYERS.min(next + count);
-            (next..end).try_for_each(&mut layer)?;
-            let mut reached = [0u32];
-            device.fetch(&self.veils, &mut reached)?;
-            if (reached[0] as usize) < end {
-                break;
-            }
-            (next, count) = (end, 2 * count);
+            (next..end).try_for_each(|number| layer(Layer { number, len, most }))?;
+            let mut counts = [0u32; MAX_LAYERS + 1];
+            device.fetch(&self.veils, &mut counts)?;
+            (next, count, most) = (end, 2 * count, counts[end] as usize);
         }
         Ok(())
     }

@@ -5,9 +5,9 @@
 //! small, or where it is lost: every fault is a [`GpuError`], and callers go on with the CPU.
 //!
 //! [`device`] finds and opens devices, [`kernel`] compiles stages, [`scene`] lays a world out for them, [`build`] makes
-//! trees there. Stages: [`generate`] draws camera rays, [`trace`] traces rays, [`shade`] tells what their hits give, [`film`] sums that up by pixel;
-//! [`occlude`] sends rays on from hits, and tells how many meet nothing; [`frame`] runs those that core's passes need, from the
-//! [`first`] on.
+//! trees there. Stages: [`generate`] draws camera rays, [`trace`] traces rays, [`shade`] tells what their hits give, [`film`]
+//! sums that up by pixel; where hits are not opaque, `trace` and `shade` take turns, layer after layer; [`occlude`] sends rays
+//! on from hits, and tells how many meet nothing; [`frame`] runs those that core's passes need, from the [`first`] on.
 #![forbid(unsafe_code)]
 
 pub mod build;

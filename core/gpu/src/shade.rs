@@ -18,6 +18,7 @@ use hdtrapeze_shaders::stage::{SHADE_WORKGROUP, ShadePermutation, TimeKind};
 use wgpu::BufferUsages as Usage;
 
 use super::kernel::{Binding, Kernel, Kernels, rows, run};
+use super::layers::{Layer, Layers};
 use super::scene::Page;
 use super::{Device, GpuCamera, GpuError, GpuScene, pages};
 
@@ -183,12 +184,12 @@ impl Shader {
         let bytes = (len.max(1) * size_of::<Sample>()) as u64;
         let samples = device.buffer("samples", bytes, Usage::STORAGE | Usage::COPY_SRC)?;
         let buffers = [rays, hits, &samples];
-        let seconds = self.run(scene, camera, looks, &buffers, [len, 0], timed)?;
+        let layer = Layer::first(len);
+        let seconds = self.run(scene, camera, looks, &buffers, layer, timed)?;
         Ok((samples, seconds))
     }
 
-    /// Takes in what `len` rays met in a layer: `hits` are as layers.wgsl has them, `samples` and `veils` as the layers before
-    /// have left them. Gives the seconds that the device took where that is asked for and it can tell.
+    /// Takes in what rays met in a layer. Gives the seconds that the device took where that is asked for and it can tell.
     ///
     /// # Errors
     /// As [`Shader::shade`].
@@ -197,11 +198,12 @@ impl Shader {
         scene: &GpuScene,
         camera: &GpuCamera,
         looks: &GpuLooks,
-        buffers: &[&wgpu::Buffer; 4],
-        [len, layer]: [usize; 2],
+        (rays, layers): (&wgpu::Buffer, &Layers),
+        layer: Layer,
         timed: bool,
     ) -> Result<Option<f64>, GpuError> {
-        self.run(scene, camera, looks, buffers, [len, layer], timed)
+        let buffers = [rays, &layers.hits, &layers.samples, &layers.veils];
+        self.run(scene, camera, looks, &buffers, layer, timed)
     }
 
     /// Runs the stage on one page after the other; `buffers` are rays, hits, samples, and veils where there are layers.
@@ -211,23 +213,23 @@ impl Shader {
         camera: &GpuCamera,
         looks: &GpuLooks,
         buffers: &[&wgpu::Buffer],
-        [len, layer]: [usize; 2],
+        layer: Layer,
         timed: bool,
     ) -> Result<Option<f64>, GpuError> {
         let device = &*self.device;
-        let workgroups = (len as u32).div_ceil(SHADE_WORKGROUP);
+        let workgroups = (layer.most as u32).div_ceil(SHADE_WORKGROUP);
         let kernel = self.kernel(looks.permutation)?;
         let mut launches = Vec::with_capacity(scene.pages.len());
         for (number, (page, [own, paints])) in scene.pages.iter().zip(&looks.pages).enumerate() {
             let [instances, places] = page.instances();
             let launch = ShadeLaunch {
-                ray_count: len as u32,
+                ray_count: layer.len as u32,
                 row: rows(device, workgroups)[0] * SHADE_WORKGROUP,
                 light: looks.light,
                 page: number as u32,
                 instances,
                 places,
-                layer: layer as u32,
+                layer: layer.number as u32,
             };
             let launch = device.uniform("launch", &launch)?;
             let [_, planes, words, objects, instanced, matrices] = &page.group;

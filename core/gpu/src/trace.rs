@@ -11,7 +11,7 @@ use hdtrapeze_shaders::stage::{TRACE_WORKGROUP, TracePermutation};
 use wgpu::BufferUsages as Usage;
 
 use super::kernel::{Binding, Kernel, Kernels, Launch, rows, run};
-use super::layers::Layers;
+use super::layers::{Layer, Layers};
 use super::scene::Page;
 use super::{Device, GpuError, GpuScene};
 
@@ -132,7 +132,7 @@ impl Tracer {
                 culls: page.permutation.culls && !any,
                 ..page.permutation
             };
-            self.launch(page, permutation, [number, len, 0], &buffers)
+            self.launch(page, permutation, number, Layer::first(len), &buffers)
         };
         let launches = scene.pages.iter().enumerate().map(launch);
         Ok(Batch {
@@ -159,57 +159,64 @@ impl Tracer {
         let packed: Vec<Ray> = (0..).zip(rays).map(packed).collect();
         let rays = device.upload("rays", bytemuck::cast_slice(&packed))?;
         let layers = Layers::new(device, len)?;
-        let one = |layer: usize| {
-            self.layer(scene, [&rays, &layers.hits], len, layer, false)?;
-            layers.get(device, layer)
+        layers.all_go_on(device);
+        let one = |number: usize| {
+            let layer = Layer {
+                number,
+                ..Layer::first(len)
+            };
+            self.layer(scene, &rays, &layers, layer, false)?;
+            layers.get(device, number)
         };
         (0..count).map(one).collect()
     }
 
-    /// Traces `len` rays behind what the layer before met; `hits` are as layers.wgsl has them. Gives the seconds that the
-    /// device took where that is asked for and it can tell, and waits for it then only.
+    /// Traces rays behind what the layer before met. Gives the seconds that the device took where that is asked for and it can
+    /// tell, and waits for it then only.
     ///
     /// # Errors
     /// As [`Tracer::batch`].
     pub(crate) fn layer(
         &self,
         scene: &GpuScene,
-        [rays, hits]: [&wgpu::Buffer; 2],
-        len: usize,
-        layer: usize,
+        rays: &wgpu::Buffer,
+        layers: &Layers,
+        layer: Layer,
         timed: bool,
     ) -> Result<Option<f64>, GpuError> {
+        let buffers = [rays, &layers.hits, &layers.veils];
         let launch = |(number, page): (usize, &Page)| {
             let permutation = TracePermutation {
                 layers: true,
                 ..page.permutation
             };
-            self.launch(page, permutation, [number, len, layer], &[rays, hits])
+            self.launch(page, permutation, number, layer, &buffers)
         };
         let launches = scene.pages.iter().enumerate().map(launch);
         let launches: Vec<Launch> = launches.collect::<Result<_, GpuError>>()?;
         run(&self.device, &launches, timed)
     }
 
-    /// The stage on a page, by its number, for so many rays and this layer. `buffers` are the rays, their hits, and what they cost.
+    /// The stage on a page, by its number. `buffers` are the rays, their hits, and what they cost or what is left of them.
     fn launch(
         &self,
         page: &Page,
         permutation: TracePermutation,
-        [number, len, layer]: [usize; 3],
+        number: usize,
+        layer: Layer,
         buffers: &[&wgpu::Buffer],
     ) -> Result<Launch, GpuError> {
         let device = &*self.device;
-        let groups = (len as u32).div_ceil(TRACE_WORKGROUP).max(1);
+        let groups = (layer.most as u32).div_ceil(TRACE_WORKGROUP).max(1);
         let [across, _] = rows(device, groups);
         let launch = TraceLaunch {
             root: page.root,
-            ray_count: len as u32,
+            ray_count: layer.len as u32,
             row: across * TRACE_WORKGROUP,
             page: number as u32,
             radius: page.radius,
             pad: page.pad,
-            layer: layer as u32,
+            layer: layer.number as u32,
             sides: page.sides,
         };
         let launch = device.uniform("launch", &launch)?;
@@ -281,7 +288,8 @@ impl Tracer {
                 Binding::Uniform,
                 Binding::Write,
             ];
-            let batch = &batch[..3 + usize::from(permutation.counts)];
+            let more = permutation.counts || permutation.layers;
+            let batch = &batch[..3 + usize::from(more)];
             let groups: [&[Binding]; 2] = [&[Binding::Read; 6], batch];
             Kernel::new(&self.device, "trace", &permutation.source(), &groups)
         })

@@ -58,6 +58,8 @@ pub struct Veil {
     pub held_out: f32,
     /// 1 once something was met that is not wholly transparent.
     pub seen: u32,
+    /// Not of this ray: places in the buffer of rays, those that go on to layers of even numbers, and of odd ones.
+    pub going: [u32; 2],
 }
 
 /// What one camera sample brings home.

@@ -196,7 +196,8 @@ fn rust_layouts() -> Vec<Layout> {
         rust_layout!(Veil {
             transmittance,
             held_out,
-            seen
+            seen,
+            going
         }),
         rust_layout!(Sample {
             color,

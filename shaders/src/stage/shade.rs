@@ -16,9 +16,11 @@ pub struct ShadePermutation {
 /// Transmittance below which what lies behind cannot be seen.
 pub const LEAST_TRANSMITTANCE: f32 = 1.0 / 2048.0;
 
-/// Bytes before the first [`Veil`](crate::layout::Veil) of the buffer of veils: one more than the number of the last layer that rays
-/// go on behind.
-pub const VEILS_AT: u64 = 4;
+/// Layers that are taken in at most.
+pub const MAX_LAYERS: usize = 64;
+
+/// Bytes before the first [`Veil`](crate::layout::Veil) of the buffer of veils: how many rays go on to each layer, and behind the last.
+pub const VEILS_AT: u64 = 4 * (MAX_LAYERS as u64 + 1);
 
 /// Invocations of a workgroup of the stage `shade`.
 pub const SHADE_WORKGROUP: u32 = 64;

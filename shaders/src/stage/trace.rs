@@ -183,7 +183,7 @@ mod tests {
     /// What a scene does not call for is not in the text.
     #[test]
     fn effects_are_only_where_they_are_asked_for() {
-        let (layers, culls) = (["last", "hit_place"], ["hidden_side", "launch.sides"]);
+        let (layers, culls) = (["veils", "hit_place"], ["hidden_side", "launch.sides"]);
         let has = |source: &str, words: [&str; 2]| words.map(|word| source.contains(word));
         for permutation in TracePermutation::all() {
             let source = permutation.source();
@@ -192,7 +192,10 @@ mod tests {
             assert_eq!(has(&code, culls), [permutation.culls; 2]);
             // All buffers that every device binds.
             let buffers = bindings(&source).len();
-            assert_eq!(buffers, 9 + usize::from(permutation.counts));
+            assert_eq!(
+                buffers,
+                9 + usize::from(permutation.counts || permutation.layers)
+            );
         }
     }
 

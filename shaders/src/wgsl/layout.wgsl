@@ -291,6 +291,8 @@ struct Veil {
     held_out: f32,
     // 1 once something was met that is not wholly transparent.
     seen: u32,
+    // Not of this ray: places in the buffer of rays, those that go on to layers of even numbers, and of odd ones.
+    going: array<u32, 2>,
 }
 
 // What one camera sample brings home.

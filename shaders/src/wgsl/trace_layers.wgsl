@@ -1,13 +1,17 @@
 // Stage `trace` where rays go on behind what they meet: the next hit of each ray after that of the layer before, in the order of
-// hits. The first layer's is the nearest. Its walk is in walk.wgsl; a ray whose last hit is gone has come to its end.
+// hits. The first layer's is the nearest. Its walk is in walk.wgsl.
 
 @group(1) @binding(0) var<storage, read> rays: array<Ray>;
 @group(1) @binding(1) var<storage, read_write> hits: array<Hit>;
+@group(1) @binding(3) var<storage, read_write> veils: Veils;
 
 @compute @workgroup_size(64)
 fn trace(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let index = group.y * launch.row + group.x * WORKGROUP + lane;
-    if group.x * WORKGROUP + lane >= launch.row || index >= launch.ray_count {
+    if group.x * WORKGROUP + lane >= launch.row {
+        return;
+    }
+    let index = going_on(group.y * launch.row + group.x * WORKGROUP + lane);
+    if index == NONE {
         return;
     }
     var ray = rays[index];
