@@ -4,7 +4,7 @@
 //! cargo build --release -p hdtrapeze-gpu --example bench
 //! target/release/examples/bench [--size MILLIONS] [--image PIXELS] [--repeat TIMES] [--no-cpu] [--page MIB]
 //! target/release/examples/bench --occlusion [--size MILLIONS] [--image PIXELS]
-//! target/release/examples/bench --frame SAMPLES [--from STAGE] [--page MIB]
+//! target/release/examples/bench --frame SAMPLES [--opacity SHARE] [--from STAGE] [--page MIB]
 //! ```
 //!
 //! Scenes of about so many million micropolygons (1): a rippling sheet, tumbling patches, fur; each still, sharp (out of focus
@@ -23,7 +23,7 @@
 //! `--frame`: an image of 1280 x 720 with so many samples a pixel, of about a million micropolygons, moving and defocused. Rays are
 //! drawn, traced, shaded and filmed there, in batches that fit; only pixels come back. Each stage is timed on its own. A first
 //! pass is held against the CPU's. With `--from`, stages before that one (bound, build, instances, generate, trace, shade or film)
-//! run on the CPU. Then 16 occlusion rays leave the first hit of each pixel, in order and as they stand.
+//! run on the CPU. `--opacity` is everything's; where it is below 1, rays go on layer by layer. Then 16 occlusion rays leave the first hit of each pixel, in order and as they stand.
 
 mod bench_frame;
 mod bench_occlusion;
@@ -68,6 +68,8 @@ struct Options {
     occlusion: bool,
     /// Samples of a frame, where that is asked for.
     frame: Option<u32>,
+    /// Of all that is in a frame.
+    opacity: f32,
     /// How frames and scenes are taken to the device.
     there: FrameOptions,
 }
@@ -81,6 +83,7 @@ fn options() -> Result<Options, Box<dyn Error>> {
         peaks: Peaks::default(),
         occlusion: false,
         frame: None,
+        opacity: 1.0,
         there: FrameOptions::default(),
     };
     let mut arguments = std::env::args().skip(1);
@@ -91,6 +94,7 @@ fn options() -> Result<Options, Box<dyn Error>> {
             "--image" => options.image = value()?.parse()?,
             "--repeat" => options.repeat = value()?.parse()?,
             "--frame" => options.frame = Some(value()?.parse()?),
+            "--opacity" => options.opacity = value()?.parse()?,
             "--from" => {
                 let name = value()?;
                 let named = FirstOnDevice::named(&name);
@@ -157,7 +161,13 @@ fn run() -> Result<(), Box<dyn Error>> {
     let found = device.found();
     println!("device: {}, {}, {}", found.name, found.api, found.driver);
     if let Some(samples) = options.frame {
-        return bench_frame::run(&device, (samples, options.there), DIFFERENT, options.peaks);
+        return bench_frame::run(
+            &device,
+            (samples, options.opacity),
+            options.there,
+            DIFFERENT,
+            options.peaks,
+        );
     }
     if options.occlusion {
         return occlusion(&device, &options);

@@ -113,11 +113,16 @@ fn ball(i: u64) -> PrimDesc {
     PrimDesc { common, geometry }
 }
 
-fn scene(samples: u32) -> Scene {
+fn scene(samples: u32, opacity: f32) -> Scene {
     let mut scene = Scene::default();
     scene.prims.insert(PrimId(1), Arc::new(sheet()));
     for i in 0..BALLS {
         scene.prims.insert(PrimId(i + 2), Arc::new(ball(i)));
+    }
+    for prim in scene.prims.values_mut() {
+        let opacity = PrimvarDesc::still(Interpolation::Constant, 1, vec![opacity], vec![]);
+        let primvars = &mut Arc::make_mut(prim).common.primvars;
+        primvars.insert("displayOpacity".to_owned(), opacity);
     }
     let camera = CameraDesc {
         path: "/camera".to_owned(),
@@ -180,17 +185,18 @@ fn difference(prepared: &Prepared, on: &GpuFrame) -> Result<f64, Box<dyn Error>>
     Ok(differ as f64 / here.len() as f64)
 }
 
-/// Renders the frame with so many samples a pixel, and prints what that took; first samples may differ from the CPU's in so
-/// many parts of the image.
+/// Renders the frame with so many samples a pixel, of things with this opacity, and prints what that took; first samples may
+/// differ from the CPU's in so many parts of the image.
 pub fn run(
     device: &Arc<Device>,
-    (samples, options): (u32, FrameOptions),
+    (samples, opacity): (u32, f32),
+    options: FrameOptions,
     different: f64,
     peaks: Peaks,
 ) -> Result<(), Box<dyn Error>> {
     let never = AtomicBool::new(false);
     let start = Instant::now();
-    let prepared = prepare(&scene(samples), &NoSubdivision, None, &never)?.prepared;
+    let prepared = prepare(&scene(samples, opacity), &NoSubdivision, None, &never)?.prepared;
     let seconds = start.elapsed().as_secs_f64();
     let cells = prepared.statistics().micropolygons;
     println!(
