@@ -69,6 +69,8 @@ pub trait Simd: Copy + Debug {
     type F16: Float<16, Mask = Self::M16>;
     /// Truth values of 16 floats.
     type M16: Mask;
+    /// 64 bits in each of 8 pairs of lanes.
+    type Bits: Copy + Debug;
 
     /// 8 copies.
     fn all8(self, x: f32) -> Self::F8;
@@ -80,14 +82,22 @@ pub trait Simd: Copy + Debug {
     fn all16(self, x: f32) -> Self::F16;
     /// 16 lanes.
     fn from16(self, x: &[f32; 16]) -> Self::F16;
-    /// 16 whole numbers from 0 to 255: 8 lanes from each.
-    fn bytes16(self, low: &[u8; 8], high: &[u8; 8]) -> Self::F16;
-    /// 8 lanes of `low`, then 8 of `high`.
-    fn halves(self, low: f32, high: f32) -> Self::F16;
-    /// The first 8 lanes, and the last.
-    fn split(self, x: Self::F16) -> (Self::F8, Self::F8);
-    /// Bit `r` of element `c` is bit `c` of `rows[r]`.
-    fn columns(self, rows: &[u8; 16]) -> [u32; 8];
+    /// 16 whole numbers from 0 to 255, from each in turns.
+    fn bytes_in_turns(self, even: &[u8; 8], odd: &[u8; 8]) -> Self::F16;
+    /// 8 copies of a pair.
+    fn in_turns(self, pair: &[f32; 2]) -> Self::F16;
+    /// The lanes of each pair in the other order.
+    fn swapped(self, x: Self::F16) -> Self::F16;
+    /// Lanes of one and the other, in turns.
+    fn zip(self, even: Self::F16, odd: Self::F16) -> [Self::F16; 2];
+    /// No bits.
+    fn no_bits(self) -> Self::Bits;
+    /// `bits`, and in the pairs of lanes of `mask` bit number `more`, less than 64. Both lanes of a pair agree.
+    fn more_bits(self, bits: Self::Bits, mask: Self::M16, more: usize) -> Self::Bits;
+    /// The pairs that have a bit.
+    fn some_bits(self, bits: Self::Bits) -> u32;
+    /// The bits of each pair.
+    fn bits_of(self, bits: Self::Bits) -> [u64; 8];
     /// `x - by` in f64, rounded once.
     fn less16(self, x: Self::F16, by: f64) -> Self::F16;
     /// The lanes whose bits are set.

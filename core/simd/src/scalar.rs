@@ -145,6 +145,7 @@ impl Simd for Scalar {
     type F8 = Array<8>;
     type F16 = Array<16>;
     type M16 = Bits;
+    type Bits = [u64; 8];
 
     #[inline]
     fn all8(self, x: f32) -> Array<8> {
@@ -167,28 +168,42 @@ impl Simd for Scalar {
         Array(*x)
     }
     #[inline]
-    fn bytes16(self, low: &[u8; 8], high: &[u8; 8]) -> Array<16> {
+    fn bytes_in_turns(self, even: &[u8; 8], odd: &[u8; 8]) -> Array<16> {
         Array(std::array::from_fn(|i| {
-            f32::from(if i < 8 { low[i] } else { high[i - 8] })
+            f32::from([even, odd][i % 2][i / 2])
         }))
     }
     #[inline]
-    fn halves(self, low: f32, high: f32) -> Array<16> {
-        Array(std::array::from_fn(|i| if i < 8 { low } else { high }))
+    fn in_turns(self, pair: &[f32; 2]) -> Array<16> {
+        Array(std::array::from_fn(|i| pair[i % 2]))
     }
     #[inline]
-    fn split(self, x: Array<16>) -> (Array<8>, Array<8>) {
-        (
-            Array(std::array::from_fn(|i| x.0[i])),
-            Array(std::array::from_fn(|i| x.0[i + 8])),
-        )
+    fn swapped(self, x: Array<16>) -> Array<16> {
+        Array(std::array::from_fn(|i| x.0[i ^ 1]))
     }
     #[inline]
-    fn columns(self, rows: &[u8; 16]) -> [u32; 8] {
-        std::array::from_fn(|c| {
-            let bit = |r: usize| u32::from(rows[r] >> c & 1) << r;
-            (0..16).map(bit).sum()
-        })
+    fn zip(self, even: Array<16>, odd: Array<16>) -> [Array<16>; 2] {
+        [0, 8].map(|first| Array(std::array::from_fn(|i| [even, odd][i % 2].0[first + i / 2])))
+    }
+    #[inline]
+    fn no_bits(self) -> [u64; 8] {
+        [0; 8]
+    }
+    #[inline]
+    fn more_bits(self, mut bits: [u64; 8], mask: Bits, more: usize) -> [u64; 8] {
+        for (i, bits) in bits.iter_mut().enumerate() {
+            *bits |= u64::from(mask.0 >> (2 * i) & 1) << (more & 63);
+        }
+        bits
+    }
+    #[inline]
+    fn some_bits(self, bits: [u64; 8]) -> u32 {
+        let some = |(i, &bits): (usize, &u64)| u32::from(bits != 0) << i;
+        bits.iter().enumerate().map(some).sum()
+    }
+    #[inline]
+    fn bits_of(self, bits: [u64; 8]) -> [u64; 8] {
+        bits
     }
     #[inline]
     fn less16(self, x: Array<16>, by: f64) -> Array<16> {

@@ -52,16 +52,19 @@ impl Kernel for Everything {
         let bytes = std::array::from_fn(|i| (self.seed * 37 + i as u32 * 53) as u8);
         out.extend(s.bytes8(&bytes).to_array().map(f32::to_bits));
         let other = bytes.map(|b: u8| b.wrapping_mul(91));
-        out.extend(s.bytes16(&bytes, &other).to_array().map(f32::to_bits));
-        out.extend(s.halves(a[0], a[1]).to_array().map(f32::to_bits));
-        let (low, high) = s.split(s.from16(&b));
-        out.extend(
-            [low, high]
-                .iter()
-                .flat_map(|x| x.to_array().map(f32::to_bits)),
-        );
-        let rows = std::array::from_fn(|i| (self.seed * 71 + i as u32 * 29) as u8);
-        out.extend(s.columns(&rows));
+        let mut put = |x: S::F16| out.extend(x.to_array().map(f32::to_bits));
+        put(s.bytes_in_turns(&bytes, &other));
+        put(s.in_turns(&[a[0], a[1]]));
+        let (a16, b16) = (s.from16(&a), s.from16(&b));
+        put(s.swapped(a16));
+        s.zip(a16, b16).into_iter().for_each(&mut put);
+        let less = a16.lt(s.swapped(a16));
+        let (less, equal) = (less | s.swapped(a16).lt(a16), b16.le(-s.swapped(b16)));
+        let bits = s.more_bits(s.no_bits(), less, 63);
+        let bits = s.more_bits(bits, equal, self.seed as usize & 63);
+        out.push(s.some_bits(bits));
+        let words = |bits: u64| [bits as u32, (bits >> 32) as u32];
+        out.extend(s.bits_of(bits).into_iter().flat_map(words));
         out.extend(s.all8(a[3]).to_array().map(f32::to_bits));
         out.extend(s.all16(a[3]).to_array().map(f32::to_bits));
         for by in [0.0, 1.0 / 3.0, -1e9, 1e-40] {
@@ -213,11 +216,25 @@ impl Kernel for LastRow {
 }
 
 #[test]
-fn columns_turn_rows_over() {
-    let mut rows = [0u8; 16];
-    (rows[0], rows[5], rows[15]) = (0b0000_0001, 0b1000_0001, 0b0001_0000);
-    let expected = [1 | 1 << 5, 0, 0, 0, 1 << 15, 0, 0, 1 << 5];
-    assert_eq!(Scalar.columns(&rows), expected);
+fn pairs_are_lanes_in_turns() {
+    let a: [f32; 16] = std::array::from_fn(|i| i as f32);
+    let b = a.map(|x| -x);
+    let (even, odd) = (Scalar.from16(&a), Scalar.from16(&b));
+    let pairs = Scalar.zip(even, odd);
+    assert_eq!(pairs[0].to_array()[4..8], [2.0, -2.0, 3.0, -3.0]);
+    assert_eq!(pairs[1].to_array()[4..8], [10.0, -10.0, 11.0, -11.0]);
+    let swapped = Scalar.swapped(pairs[0]).to_array();
+    assert_eq!(swapped[4..8], [-2.0, 2.0, -3.0, 3.0]);
+    let bytes = Scalar.bytes_in_turns(&[7; 8], &[1, 2, 3, 4, 5, 6, 7, 8]);
+    assert_eq!(bytes.to_array()[10..], [7.0, 6.0, 7.0, 7.0, 7.0, 8.0]);
+}
+
+#[test]
+fn bits_are_set_in_pairs_of_lanes() {
+    let bits = Scalar.more_bits(Scalar.no_bits(), Scalar.mask16(0b11_0011), 40);
+    let bits = Scalar.more_bits(bits, Scalar.mask16(0b11_0000), 1);
+    assert_eq!(Scalar.bits_of(bits)[..4], [1 << 40, 0, 1 << 40 | 2, 0]);
+    assert_eq!(Scalar.some_bits(bits), 0b101);
 }
 
 #[test]

@@ -77,6 +77,17 @@ const fn smallest_groups(w: usize, h: usize) -> [u8; 2] {
     [best.0 as u8, best.1 as u8]
 }
 
+/// 256 by each number of columns, rounded up: a quotient of slots by a multiplication.
+static RECIPROCAL: [u32; 16] = {
+    let mut out = [0; 16];
+    let mut columns = 1;
+    while columns < 16 {
+        out[columns] = 256u32.div_ceil(columns as u32);
+        columns += 1;
+    }
+    out
+};
+
 impl Span {
     fn new(grid: u32, rect: CellRect) -> Span {
         let [cw, ch] = SHAPES[usize::from(rect.w & 31)][usize::from(rect.h & 31)];
@@ -104,8 +115,9 @@ impl Span {
     /// Micropolygons of group `slot` (below `count`).
     #[inline(always)]
     pub fn group_rect(&self, slot: u32) -> CellRect {
-        let columns = u32::from(self.columns).max(1);
-        let (row, column) = ((slot / columns) as u8, (slot % columns) as u8);
+        let columns = self.columns & 15;
+        let row = ((slot * RECIPROCAL[usize::from(columns)]) >> 8) as u8;
+        let column = slot as u8 - row * columns;
         let (i, j) = (column * self.group[0], row * self.group[1]);
         CellRect {
             i: self.rect.i + i,

@@ -83,7 +83,7 @@ impl World {
                 let (origin, dir) = (rays[v].origin_of(lane), rays[v].dir_of(lane));
                 let time = rays[v].time[lane];
                 let (origin, dir) = set.to_object(i, origin, dir, time, self.origin);
-                let between = [queries.t_min[v][lane], queries.t_max[v][lane]];
+                let between = [queries.ranges[v][lane][0], queries.t_max[v][lane]];
                 if let Some(near) = set.entry(origin, dir, time, between) {
                     lanes |= 1 << ray;
                     first = first.min(near);

@@ -80,14 +80,29 @@ impl Rays {
     }
 }
 
-/// Rays prepared for slab tests in one frame; see [`crate::bvh::node::SlabRay`].
+/// Rays prepared for slab tests in one frame, mirrored so that each goes upward along each axis: `t = plane to + base`,
+/// with a positive `to`, where planes are mirrored likewise. Far planes are mirrored once more, so that the largest
+/// answer counts on both sides. Numbers are those of [`crate::bvh::node::SlabRay`], but for signs.
 #[derive(Clone, Copy)]
-pub struct Slabs<F> {
-    pub(super) to_start: [F; 3],
-    pub(super) to_end: [F; 3],
-    pub(super) base: [[F; 3]; 2],
-    /// Side of the near plane on each axis: 0, 1, or 2 where the rays disagree.
-    pub(super) near_side: [usize; 3],
+pub struct Slabs {
+    pub(super) to_start: [All; 3],
+    pub(super) to_end: [All; 3],
+    /// For the near plane, and for the far one.
+    pub(super) base: [Ranges; 3],
+    /// The rays that were mirrored along each axis.
+    pub(super) negative: [u64; 3],
+}
+
+/// Two numbers a ray of a packet: on the near side, and mirrored on the far side.
+pub type Ranges = [[[f32; 2]; LANES]; VECTORS];
+
+impl Slabs {
+    const NONE: Slabs = Slabs {
+        to_start: [[[0.0; LANES]; VECTORS]; 3],
+        to_end: [[[0.0; LANES]; VECTORS]; 3],
+        base: [[[[0.0; 2]; LANES]; VECTORS]; 3],
+        negative: [0; 3],
+    };
 }
 
 /// A packet prepared for the nodes of one tree.
@@ -98,7 +113,7 @@ pub struct Packet<'a, S: Simd> {
     /// Rays that can be traced.
     pub sound: u64,
     /// In the identity frame, by vector.
-    pub slabs: [Slabs<S::F16>; VECTORS],
+    pub slabs: Slabs,
     pad: [S::F16; VECTORS],
     smallest_dir: [S::F16; VECTORS],
     time: [S::F16; VECTORS],
@@ -132,17 +147,11 @@ impl<'a, S: Simd> Packet<'a, S> {
         pads: Option<&All>,
     ) -> Self {
         let zero = simd.all16(0.0);
-        let none = Slabs {
-            to_start: [zero; 3],
-            to_end: [zero; 3],
-            base: [[zero; 3]; 2],
-            near_side: [0; 3],
-        };
         let mut packet = Self {
             simd,
             rays,
             sound: 0,
-            slabs: [none; VECTORS],
+            slabs: Slabs::NONE,
             pad: [zero; VECTORS],
             smallest_dir: [zero; VECTORS],
             time: [zero; VECTORS],
@@ -163,35 +172,23 @@ impl<'a, S: Simd> Packet<'a, S> {
             }
             packet.pad[v] = pad;
             packet.smallest_dir[v] = longest * simd.all16(U);
-            packet.slabs[v] = slabs(
-                simd,
-                origin,
-                dir,
-                packet.time[v],
-                pad,
-                packet.smallest_dir[v],
-            );
+            let rays = (origin, dir, packet.time[v]);
+            packet.slabs.set(simd, v, rays, pad, packet.smallest_dir[v]);
         }
         packet
     }
 
     /// The rays `lanes` turned into a node's frame; vectors with none of them are left as they are.
     #[inline(always)]
-    pub fn turn(&self, frame: &Frame, lanes: u64, to: &mut [Slabs<S::F16>; VECTORS]) {
+    pub fn turn(&self, frame: &Frame, lanes: u64, to: &mut Slabs) {
         for (v, rays) in self.rays.iter().enumerate().take(VECTORS) {
             if part(lanes, v) == 0 {
                 continue;
             }
             let origin = turn(self.simd, load3(self.simd, &rays.origin), frame);
             let dir = turn(self.simd, load3(self.simd, &rays.dir), frame);
-            to[v] = slabs(
-                self.simd,
-                origin,
-                dir,
-                self.time[v],
-                self.pad[v],
-                self.smallest_dir[v],
-            );
+            let rays = (origin, dir, self.time[v]);
+            to.set(self.simd, v, rays, self.pad[v], self.smallest_dir[v]);
         }
     }
 }
@@ -273,36 +270,40 @@ fn turn<S: Simd>(simd: S, v: [S::F16; 3], frame: &Frame) -> [S::F16; 3] {
     out
 }
 
-#[inline(always)]
-fn slabs<S: Simd>(
-    simd: S,
-    origin: [S::F16; 3],
-    dir: [S::F16; 3],
-    time: S::F16,
-    pad: S::F16,
-    smallest_dir: S::F16,
-) -> Slabs<S::F16> {
-    let (zero, one) = (simd.all16(0.0), simd.all16(1.0));
-    let mut out = Slabs {
-        to_start: [zero; 3],
-        to_end: [zero; 3],
-        base: [[zero; 3]; 2],
-        near_side: [0; 3],
-    };
-    for a in 0..3 {
-        let negative = dir[a].lt(zero);
-        let signed = (-smallest_dir).or(negative, smallest_dir);
-        let d = signed.or(dir[a].abs().lt(smallest_dir), dir[a]);
-        let inverse = one.over(d);
-        out.to_start[a] = (one - time) * inverse;
-        out.to_end[a] = time * inverse;
-        out.base[0][a] = (origin[a] + pad) * -inverse;
-        out.base[1][a] = (origin[a] - pad) * -inverse;
-        out.near_side[a] = match negative.bits() {
-            0 => 0,
-            0xffff => 1,
-            _ => 2,
-        };
+impl Slabs {
+    /// Prepares a vector of rays.
+    #[inline(always)]
+    fn set<S: Simd>(
+        &mut self,
+        simd: S,
+        v: usize,
+        (origin, dir, time): ([S::F16; 3], [S::F16; 3], S::F16),
+        pad: S::F16,
+        smallest_dir: S::F16,
+    ) {
+        let (zero, one) = (simd.all16(0.0), simd.all16(1.0));
+        for a in 0..3 {
+            let negative = dir[a].lt(zero);
+            let d = dir[a].abs();
+            let inverse = one.over(smallest_dir.or(d.lt(smallest_dir), d));
+            let origin = (-origin[a]).or(negative, origin[a]);
+            self.to_start[a][v] = ((one - time) * inverse).to_array();
+            self.to_end[a][v] = (time * inverse).to_array();
+            let (near, far) = ((origin + pad) * -inverse, (origin - pad) * inverse);
+            self.base[a][v] = in_turns(simd, near, far);
+            let shift = LANES * v;
+            let kept = self.negative[a] & !(0xffff << shift);
+            self.negative[a] = kept | u64::from(negative.bits()) << shift;
+        }
     }
+}
+
+/// Lanes of one and of the other, as pairs.
+#[inline(always)]
+pub(super) fn in_turns<S: Simd>(simd: S, even: S::F16, odd: S::F16) -> [[f32; 2]; LANES] {
+    let [low, high] = simd.zip(even, odd);
+    let mut out = [[0.0; 2]; LANES];
+    let (pairs, _) = out.as_flattened_mut().as_chunks_mut::<LANES>();
+    (pairs[0], pairs[1]) = (low.to_array(), high.to_array());
     out
 }

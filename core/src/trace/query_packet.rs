@@ -96,9 +96,7 @@ impl World {
             // Written so that NaN is left out.
             if ray.t_min <= ray.t_max && !ray.time.is_nan() {
                 lanes |= 1 << i;
-                queries.best[i].t = ray.t_max;
-                queries.t_min[v][lane] = ray.t_min;
-                queries.t_max[v][lane] = ray.t_max;
+                queries.begin(i, ray.t_min, ray.t_max);
             }
             for axis in 0..3 {
                 packed[v].origin[axis][lane] = ray.origin[axis];

@@ -8,7 +8,7 @@ use hdtrapeze_simd::{Float, Mask, Part, Simd};
 
 use super::cell_rays::CellRays;
 use super::enter::enter_packet;
-use super::packet::{All, LANES, PACKET, Packet, Rays, Slabs, VECTORS, part, split};
+use super::packet::{All, LANES, PACKET, Packet, Ranges, Rays, Slabs, VECTORS, part, split};
 use super::pairs::{Pairs, expect};
 use super::relative::SeenMany;
 use super::traverse::Target;
@@ -40,8 +40,8 @@ pub(super) struct Queries {
     pub any: bool,
     /// The best hits; misses but for their `t`, which is `t_max`, before there are any.
     pub best: [Hit; PACKET],
-    /// `t_min` of each.
-    pub t_min: All,
+    /// `t_min` of each, and `t_max` below mirrored.
+    pub ranges: Ranges,
     /// `best.t` of each; nothing is nearer than that of a ray which looks no more.
     pub t_max: All,
     /// What all rays cost.
@@ -59,7 +59,7 @@ impl Queries {
     pub const NONE: Queries = Queries {
         any: false,
         best: [Hit::MISS; PACKET],
-        t_min: [[f32::INFINITY; LANES]; VECTORS],
+        ranges: [[[f32::INFINITY; 2]; LANES]; VECTORS],
         t_max: [[f32::NEG_INFINITY; LANES]; VECTORS],
         counts: TraceCounts {
             rays: 0,
@@ -88,16 +88,32 @@ impl Queries {
         }
     }
 
+    /// A ray looks no farther than `t_max`.
+    #[inline(always)]
+    fn end(&mut self, ray: usize, t_max: f32) {
+        let (v, lane) = split(ray);
+        self.t_max[v][lane] = t_max;
+        self.ranges[v][lane][1] = -t_max;
+    }
+
+    /// A ray is asked about what lies from `t_min` to `t_max`.
+    pub fn begin(&mut self, ray: usize, t_min: f32, t_max: f32) {
+        let (v, lane) = split(ray);
+        self.best[ray & (PACKET - 1)].t = t_max;
+        self.ranges[v][lane][0] = t_min;
+        self.end(ray, t_max);
+    }
+
     /// A hit of a ray.
     #[inline(always)]
     fn offer(&mut self, ray: usize, hit: Hit) {
         let (v, lane) = split(ray);
         let best = &mut self.best[ray & (PACKET - 1)];
         // Written so that NaN is refused.
-        let in_range = hit.t >= self.t_min[v][lane] && hit.t <= best.t;
+        let in_range = hit.t >= self.ranges[v][lane][0] && hit.t <= best.t;
         if in_range && hit.is_before(best) {
             *best = hit;
-            self.t_max[v][lane] = if self.any { f32::NEG_INFINITY } else { hit.t };
+            self.end(ray, if self.any { f32::NEG_INFINITY } else { hit.t });
         }
     }
 }
@@ -146,21 +162,13 @@ pub(super) fn walk_packet<S: Simd, B: Bounds8>(
                 }
                 &turned
             };
-            let found = enter_packet(
-                simd,
-                &node.bounds,
-                node.valid,
-                slabs,
-                rays,
-                &queries.t_min,
-                &queries.t_max,
-            );
+            let found = enter_packet(simd, &node.bounds, node.valid, slabs, rays, &queries.ranges);
             if found.children != 0 {
                 // The nearest child is next; the others wait, nearer ones on top.
                 let (slots, count) = found.by_distance();
                 for &slot in slots[1..count].iter().rev() {
                     room.waiting.push(Waiting {
-                        near: found.near[slot],
+                        near: found.near(slot),
                         at: node.children[slot],
                         rays: found.rays[slot],
                     });
@@ -280,7 +288,7 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
         item: u32,
         rays: u64,
         packet: &Packet<'_, S>,
-        turned: &mut [Slabs<S::F16>; VECTORS],
+        turned: &mut Slabs,
         cells: &CellRays,
         pairs: &mut Pairs,
         queries: &mut Queries,
@@ -304,8 +312,7 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
                 valid,
                 slabs,
                 rays,
-                &queries.t_min,
-                &queries.t_max,
+                &queries.ranges,
             );
             // The first group is waited for; the others come meanwhile.
             let mut later = found.children & found.children.wrapping_sub(1);

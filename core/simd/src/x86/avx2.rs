@@ -4,7 +4,7 @@ use std::arch::x86_64::*;
 use std::ops::{Add, BitAnd, BitOr, Mul, Neg, Sub};
 
 use super::avx2_apart;
-use super::eight::{F256, M256, all8, bytes8, columns, from8, outward8};
+use super::eight::{BIT, F256, M256, all8, bytes_in_turns, bytes8, from8, outward8};
 use super::rows::{expect_lattice, long_rows, rows};
 use crate::{Float, Mask, Part, Simd, scalar};
 
@@ -100,6 +100,19 @@ fn less8(x: F256, by: f64) -> F256 {
     })
 }
 
+/// Lanes of one and the other, in turns.
+#[inline(always)]
+fn zip8(even: F256, odd: F256) -> Pair {
+    x86!({
+        let low = _mm256_unpacklo_ps(even.0, odd.0);
+        let high = _mm256_unpackhi_ps(even.0, odd.0);
+        Pair(
+            F256(_mm256_permute2f128_ps::<0x20>(low, high)),
+            F256(_mm256_permute2f128_ps::<0x31>(low, high)),
+        )
+    })
+}
+
 #[inline(always)]
 fn mask8(bits: u32) -> M256 {
     x86!({
@@ -178,6 +191,7 @@ impl Simd for Avx2 {
     type F8 = F256;
     type F16 = Pair;
     type M16 = PairMask;
+    type Bits = [__m256i; 2];
 
     #[inline(always)]
     fn all8(self, x: f32) -> F256 {
@@ -203,20 +217,67 @@ impl Simd for Avx2 {
         ))
     }
     #[inline(always)]
-    fn bytes16(self, low: &[u8; 8], high: &[u8; 8]) -> Pair {
-        Pair(bytes8(low), bytes8(high))
+    fn bytes_in_turns(self, even: &[u8; 8], odd: &[u8; 8]) -> Pair {
+        let bytes = bytes_in_turns(even, odd);
+        x86!(Pair(
+            F256(_mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(bytes))),
+            F256(_mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(
+                _mm_unpackhi_epi64(bytes, bytes)
+            )))
+        ))
     }
     #[inline(always)]
-    fn halves(self, low: f32, high: f32) -> Pair {
-        Pair(all8(low), all8(high))
+    fn in_turns(self, pair: &[f32; 2]) -> Pair {
+        let pair = x86!(F256(_mm256_castpd_ps(_mm256_broadcastsd_pd(_mm_load_sd(
+            pair.as_ptr().cast()
+        )))));
+        Pair(pair, pair)
     }
     #[inline(always)]
-    fn split(self, x: Pair) -> (F256, F256) {
-        (x.0, x.1)
+    fn swapped(self, x: Pair) -> Pair {
+        x86!(Pair(
+            F256(_mm256_permute_ps::<0b10_11_00_01>(x.0.0)),
+            F256(_mm256_permute_ps::<0b10_11_00_01>(x.1.0))
+        ))
     }
     #[inline(always)]
-    fn columns(self, rows: &[u8; 16]) -> [u32; 8] {
-        columns(rows)
+    fn zip(self, even: Pair, odd: Pair) -> [Pair; 2] {
+        [zip8(even.0, odd.0), zip8(even.1, odd.1)]
+    }
+    #[inline(always)]
+    fn no_bits(self) -> [__m256i; 2] {
+        x86!([_mm256_setzero_si256(); 2])
+    }
+    #[inline(always)]
+    fn more_bits(self, [low, high]: [__m256i; 2], mask: PairMask, more: usize) -> [__m256i; 2] {
+        let more = BIT[more & 63].cast_signed();
+        x86!({
+            let more = _mm256_set1_epi64x(more);
+            let marked = |mask: M256| _mm256_and_si256(_mm256_castps_si256(mask.0), more);
+            [
+                _mm256_or_si256(low, marked(mask.0)),
+                _mm256_or_si256(high, marked(mask.1)),
+            ]
+        })
+    }
+    #[inline(always)]
+    fn some_bits(self, bits: [__m256i; 2]) -> u32 {
+        x86!({
+            let [low, high] = bits.map(|bits| {
+                let none = _mm256_cmpeq_epi64(bits, _mm256_setzero_si256());
+                _mm256_movemask_pd(_mm256_castsi256_pd(none)).cast_unsigned()
+            });
+            !(low | high << 4) & 0xff
+        })
+    }
+    #[inline(always)]
+    fn bits_of(self, [low, high]: [__m256i; 2]) -> [u64; 8] {
+        let mut out = [0; 8];
+        x86!({
+            _mm256_storeu_si256(out.as_mut_ptr().cast(), low);
+            _mm256_storeu_si256(out.as_mut_ptr().add(4).cast(), high);
+        });
+        out
     }
     #[inline(always)]
     fn less16(self, x: Pair, by: f64) -> Pair {

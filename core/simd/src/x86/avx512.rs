@@ -5,7 +5,7 @@ use std::ops::{Add, BitAnd, BitOr, Mul, Neg, Sub};
 
 use super::avx2::Pair;
 use super::avx512_apart;
-use super::eight::{F256, all8, bytes8, columns, from8, outward8};
+use super::eight::{BIT, F256, all8, bytes_in_turns, bytes8, from8, outward8};
 use super::rows::{expect_lattice, long_rows, rows};
 use crate::{Float, Mask, Part, Simd};
 
@@ -129,6 +129,22 @@ const ROWS: [[i32; 16]; 3] = [
     [6, 7, 8, 9, 11, 12, 13, 14, 5, 6, 7, 8, 10, 11, 12, 13],
 ];
 
+/// Lanes of two vectors in turns; those of the second are 16 and more.
+const ZIPPED: [[i32; 16]; 2] = [
+    [0, 16, 1, 17, 2, 18, 3, 19, 4, 20, 5, 21, 6, 22, 7, 23],
+    [8, 24, 9, 25, 10, 26, 11, 27, 12, 28, 13, 29, 14, 30, 15, 31],
+];
+
+/// Lanes `at` of `a`, then of `b`.
+#[inline(always)]
+fn chosen(at: &[i32; 16], a: F512, b: F512) -> F512 {
+    x86!(F512(_mm512_permutex2var_ps(
+        a.0,
+        _mm512_loadu_si512(at.as_ptr().cast()),
+        b.0
+    )))
+}
+
 /// Lanes `at` of `x`.
 #[inline(always)]
 fn permuted(at: &[i32; 16], x: F512) -> F512 {
@@ -146,6 +162,7 @@ impl Simd for Avx512 {
     type F8 = F256;
     type F16 = F512;
     type M16 = M512;
+    type Bits = __m512i;
 
     #[inline(always)]
     fn all8(self, x: f32) -> F256 {
@@ -168,32 +185,47 @@ impl Simd for Avx512 {
         x86!(F512(_mm512_loadu_ps(x.as_ptr())))
     }
     #[inline(always)]
-    fn bytes16(self, low: &[u8; 8], high: &[u8; 8]) -> F512 {
-        x86!({
-            let low = _mm_loadl_epi64(low.as_ptr().cast());
-            let high = _mm_loadl_epi64(high.as_ptr().cast());
-            let bytes = _mm_unpacklo_epi64(low, high);
-            F512(_mm512_cvtepi32_ps(_mm512_cvtepu8_epi32(bytes)))
-        })
+    fn bytes_in_turns(self, even: &[u8; 8], odd: &[u8; 8]) -> F512 {
+        let bytes = bytes_in_turns(even, odd);
+        x86!(F512(_mm512_cvtepi32_ps(_mm512_cvtepu8_epi32(bytes))))
     }
     #[inline(always)]
-    fn halves(self, low: f32, high: f32) -> F512 {
-        x86!(F512(_mm512_mask_blend_ps(
-            0xff00,
-            _mm512_set1_ps(low),
-            _mm512_set1_ps(high)
-        )))
+    fn in_turns(self, pair: &[f32; 2]) -> F512 {
+        x86!(F512(_mm512_castpd_ps(_mm512_broadcastsd_pd(_mm_load_sd(
+            pair.as_ptr().cast()
+        )))))
     }
     #[inline(always)]
-    fn split(self, x: F512) -> (F256, F256) {
-        x86!((
-            F256(_mm512_castps512_ps256(x.0)),
-            F256(_mm512_extractf32x8_ps::<1>(x.0))
+    fn swapped(self, x: F512) -> F512 {
+        x86!(F512(_mm512_permute_ps::<0b10_11_00_01>(x.0)))
+    }
+    #[inline(always)]
+    fn zip(self, even: F512, odd: F512) -> [F512; 2] {
+        [chosen(&ZIPPED[0], even, odd), chosen(&ZIPPED[1], even, odd)]
+    }
+    #[inline(always)]
+    fn no_bits(self) -> __m512i {
+        x86!(_mm512_setzero_si512())
+    }
+    #[inline(always)]
+    fn more_bits(self, bits: __m512i, mask: M512, more: usize) -> __m512i {
+        let more = BIT[more & 63].cast_signed();
+        x86!(_mm512_mask_or_epi32(
+            bits,
+            mask.0,
+            bits,
+            _mm512_set1_epi64(more)
         ))
     }
     #[inline(always)]
-    fn columns(self, rows: &[u8; 16]) -> [u32; 8] {
-        columns(rows)
+    fn some_bits(self, bits: __m512i) -> u32 {
+        u32::from(x86!(_mm512_test_epi64_mask(bits, bits)))
+    }
+    #[inline(always)]
+    fn bits_of(self, bits: __m512i) -> [u64; 8] {
+        let mut out = [0; 8];
+        x86!(_mm512_storeu_si512(out.as_mut_ptr().cast(), bits));
+        out
     }
     #[inline(always)]
     fn less16(self, x: F512, by: f64) -> F512 {
