@@ -9,7 +9,7 @@ pub mod brute;
 pub mod cell;
 pub mod cell_rays;
 pub mod deferred;
-mod enter;
+pub mod enter;
 mod inside;
 pub mod instance;
 mod late;

@@ -1,6 +1,7 @@
 //! Slab tests against micropolygon tests: no triangle that is accepted may be culled by a box that contains it.
 
 use std::collections::HashMap;
+use std::marker::PhantomData;
 
 use glam::Vec3;
 use hdtrapeze_core::bvh::bound::bound_groups;
@@ -9,7 +10,9 @@ use hdtrapeze_core::bvh::node::{enter, magnitude};
 use hdtrapeze_core::bvh::{Bounds8, Frame, LinearBox, LinearSlabs, StaticSlabs};
 use hdtrapeze_core::grid::PlanarMesh;
 use hdtrapeze_core::trace::cell::CellRay;
-use hdtrapeze_core::trace::object_ray::ObjectRay;
+use hdtrapeze_core::trace::enter::enter_packet;
+use hdtrapeze_core::trace::object_ray::{ObjectRay, SLAB_PAD};
+use hdtrapeze_core::trace::packet::{LANES, PACKET, Packet, Rays, VECTORS, split};
 use hdtrapeze_simd::{Kernel, Level, Simd};
 
 use crate::boxes::{CELL, frame, vec3};
@@ -102,13 +105,77 @@ impl Case {
 }
 
 /// How much of the pad it takes until no hit is culled; none where nothing is hit.
-struct Culled<'a, B>(&'a Case, std::marker::PhantomData<B>);
+struct Culled<'a, B>(&'a Case, Way, PhantomData<B>);
+
+/// How rays are tested.
+#[derive(Clone, Copy, Debug)]
+enum Way {
+    Alone,
+    /// As this ray of a packet.
+    InPacket(usize),
+}
+
+impl Way {
+    /// Whether a ray with a pad enters the first of the bounds at `t`.
+    #[inline(always)]
+    fn enters<S: Simd, B: Bounds8>(
+        self,
+        simd: S,
+        case: &Case,
+        bounds: &B,
+        pad: f32,
+        t: f32,
+    ) -> bool {
+        let (origin, dir, time) = case.ray;
+        let turns = case.frame != Frame::IDENTITY;
+        match self {
+            Way::Alone => {
+                let time = if B::MOVING { time } else { 0.0 };
+                let Some(ray) = ObjectRay::padded(origin, dir, time, pad) else {
+                    return false;
+                };
+                let slabs = if turns {
+                    ray.turned(&case.frame)
+                } else {
+                    ray.slab
+                };
+                enter(simd, bounds, 1, &slabs, t, t).0 == 1
+            }
+            Way::InPacket(ray) => {
+                let (v, lane) = split(ray);
+                let mut rays = [Rays::NONE; VECTORS];
+                for a in 0..3 {
+                    rays[v].origin[a][lane] = origin[a];
+                    rays[v].dir[a][lane] = dir[a];
+                }
+                rays[v].time[lane] = time;
+                let pads = [[pad; LANES]; VECTORS];
+                let packet = if B::MOVING {
+                    Packet::new::<true>(simd, &rays, 1 << ray, 0.0, Some(&pads))
+                } else {
+                    Packet::new::<false>(simd, &rays, 1 << ray, 0.0, Some(&pads))
+                };
+                if packet.sound != 1 << ray {
+                    return false;
+                }
+                let mut slabs = packet.slabs;
+                if turns {
+                    packet.turn(&case.frame, 1 << ray, &mut slabs);
+                }
+                let mut ranges = [[[f32::INFINITY; 2]; LANES]; VECTORS];
+                ranges[v][lane] = [t, -t];
+                let entered = enter_packet(simd, bounds, 1, &slabs, 1 << ray, &ranges);
+                entered.children == 1 && entered.rays[0] == 1 << ray
+            }
+        }
+    }
+}
 
 impl<B: Bounds8> Kernel for Culled<'_, B> {
     type Output = Option<f64>;
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) -> Option<f64> {
-        let case = self.0;
+        let Self(case, way, _) = self;
         let bounds = B::pack(simd, &Boxes8::of(simd, &case.boxes));
         let (origin, dir, time) = case.ray;
         let time = if B::MOVING { time } else { 0.0 };
@@ -129,19 +196,15 @@ impl<B: Bounds8> Kernel for Culled<'_, B> {
                 hits.push(hit.t)
             });
         }
-        let turned = |ray: &ObjectRay| match case.frame == Frame::IDENTITY {
-            true => ray.slab,
-            false => ray.turned(&case.frame),
-        };
+        let own =
+            (origin.abs().max_element() + case.radius.max(magnitude(bounds.reach()))) * SLAB_PAD;
         let entered = |share: f64, t: f32| {
-            let pad = (f64::from(ray.pad) * share) as f32;
-            ObjectRay::padded(origin, dir, time, pad)
-                .is_some_and(|ray| enter(simd, &bounds, 1, &turned(&ray), t, t).0 == 1)
+            way.enters(simd, case, &bounds, (f64::from(own) * share) as f32, t)
         };
         let mut worst: Option<f64> = None;
         for t in hits {
             // With the ray's own pad first: what is hit must be entered, whatever scaled pads say.
-            let used = if enter(simd, &bounds, 1, &turned(&ray), t, t).0 != 1 {
+            let used = if !entered(1.0, t) {
                 2.0
             } else {
                 let (mut no, mut yes) = (-1.0, 1.0);
@@ -161,11 +224,11 @@ impl<B: Bounds8> Kernel for Culled<'_, B> {
     }
 }
 
-fn score(case: &Case, level: Level) -> f64 {
+fn score(case: &Case, way: Way, level: Level) -> f64 {
     let used = if case.mesh.is_moving() {
-        level.run(Culled::<LinearSlabs>(case, std::marker::PhantomData))
+        level.run(Culled::<LinearSlabs>(case, way, PhantomData))
     } else {
-        level.run(Culled::<StaticSlabs>(case, std::marker::PhantomData))
+        level.run(Culled::<StaticSlabs>(case, way, PhantomData))
     };
     used.unwrap_or(f64::NEG_INFINITY)
 }
@@ -174,7 +237,12 @@ fn hunt(what: &str, scales: (i32, i32), seed: u64, least: f64) {
     for (level, seed) in Level::available().into_iter().zip(seed..) {
         let found = climb(20_000, 48, seed, |genes| {
             let scale = genes.whole(scales.0, scales.1);
-            score(&Case::new(genes, scale), level)
+            let case = Case::new(genes, scale);
+            let way = match genes.below(2) {
+                0 => Way::Alone,
+                _ => Way::InPacket(genes.below(PACKET as u64)),
+            };
+            score(&case, way, level)
         });
         found.check(&format!("{what}, {}", level.name()), least);
     }
