@@ -12,30 +12,31 @@ pub struct Scalar;
 #[derive(Clone, Copy, Debug)]
 pub struct Array<const N: usize>([f32; N]);
 
-/// Truth values, one a bit.
+/// Truth values, a word a lane: all its bits, or none. Compilers make vectors of that, of single bits they do not.
 #[derive(Clone, Copy, Debug)]
-pub struct Bits(u32);
+pub struct Words<const N: usize>([u32; N]);
 
-impl Mask for Bits {
+impl<const N: usize> Mask for Words<N> {
     #[inline]
     fn bits(self) -> u32 {
-        self.0
+        let bit = |(i, word): (usize, u32)| word & 1 << i;
+        self.0.into_iter().enumerate().map(bit).sum()
     }
 }
 
-impl BitAnd for Bits {
+impl<const N: usize> BitAnd for Words<N> {
     type Output = Self;
     #[inline]
     fn bitand(self, o: Self) -> Self {
-        Bits(self.0 & o.0)
+        Words(std::array::from_fn(|i| self.0[i] & o.0[i]))
     }
 }
 
-impl BitOr for Bits {
+impl<const N: usize> BitOr for Words<N> {
     type Output = Self;
     #[inline]
     fn bitor(self, o: Self) -> Self {
-        Bits(self.0 | o.0)
+        Words(std::array::from_fn(|i| self.0[i] | o.0[i]))
     }
 }
 
@@ -45,12 +46,9 @@ impl<const N: usize> Array<N> {
         Array(std::array::from_fn(|i| f(self.0[i], o.0[i])))
     }
     #[inline]
-    fn compare(self, o: Self, f: impl Fn(f32, f32) -> bool) -> Bits {
-        let mut bits = 0;
-        for i in 0..N {
-            bits |= u32::from(f(self.0[i], o.0[i])) << i;
-        }
-        Bits(bits)
+    fn compare(self, o: Self, f: impl Fn(f32, f32) -> bool) -> Words<N> {
+        let word = |i: usize| if f(self.0[i], o.0[i]) { u32::MAX } else { 0 };
+        Words(std::array::from_fn(word))
     }
 }
 
@@ -79,7 +77,7 @@ impl<const N: usize> Neg for Array<N> {
 }
 
 impl<const N: usize> Float<N> for Array<N> {
-    type Mask = Bits;
+    type Mask = Words<N>;
     #[inline]
     fn to_array(self) -> [f32; N] {
         self.0
@@ -105,21 +103,18 @@ impl<const N: usize> Float<N> for Array<N> {
         Array(self.0.map(f32::abs))
     }
     #[inline]
-    fn lt(self, o: Self) -> Bits {
+    fn lt(self, o: Self) -> Words<N> {
         self.compare(o, |a, b| a < b)
     }
     #[inline]
-    fn le(self, o: Self) -> Bits {
+    fn le(self, o: Self) -> Words<N> {
         self.compare(o, |a, b| a <= b)
     }
     #[inline]
-    fn or(self, mask: Bits, o: Self) -> Self {
+    fn or(self, mask: Words<N>, o: Self) -> Self {
         let chosen = |i: usize| {
-            if mask.0 >> i & 1 == 1 {
-                self.0[i]
-            } else {
-                o.0[i]
-            }
+            let (a, b) = (self.0[i].to_bits(), o.0[i].to_bits());
+            f32::from_bits(a & mask.0[i] | b & !mask.0[i])
         };
         Array(std::array::from_fn(chosen))
     }
@@ -144,7 +139,7 @@ impl Simd for Scalar {
     }
     type F8 = Array<8>;
     type F16 = Array<16>;
-    type M16 = Bits;
+    type M16 = Words<16>;
     type Bits = [u64; 8];
 
     #[inline]
@@ -190,11 +185,10 @@ impl Simd for Scalar {
         [0; 8]
     }
     #[inline]
-    fn more_bits(self, mut bits: [u64; 8], mask: Bits, more: usize) -> [u64; 8] {
-        for (i, bits) in bits.iter_mut().enumerate() {
-            *bits |= u64::from(mask.0 >> (2 * i) & 1) << (more & 63);
-        }
-        bits
+    fn more_bits(self, bits: [u64; 8], mask: Words<16>, more: usize) -> [u64; 8] {
+        let more = 1u64 << (more & 63);
+        let words = |i: usize| u64::from(mask.0[2 * i]) | u64::from(mask.0[2 * i + 1]) << 32;
+        std::array::from_fn(|i| bits[i] | words(i) & more)
     }
     #[inline]
     fn some_bits(self, bits: [u64; 8]) -> u32 {
@@ -210,8 +204,9 @@ impl Simd for Scalar {
         Array(x.0.map(|x| (f64::from(x) - by) as f32))
     }
     #[inline]
-    fn mask16(self, bits: u32) -> Bits {
-        Bits(bits & 0xffff)
+    fn mask16(self, bits: u32) -> Words<16> {
+        let word = |i: usize| if bits >> i & 1 == 1 { u32::MAX } else { 0 };
+        Words(std::array::from_fn(word))
     }
     #[inline]
     fn rows(self, plane: &[f32], at: [usize; 4]) -> [Array<16>; 2] {
