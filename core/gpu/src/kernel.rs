@@ -236,28 +236,44 @@ impl Launch {
     }
 }
 
-/// Runs launches one after the other, as [`Launch::run`].
+/// Runs launches one after the other, as [`Launch::run`]; each is submitted by itself, since a watchdog looks at submissions.
 pub(crate) fn run(
     device: &Device,
     launches: &[Launch],
     timed: bool,
 ) -> Result<Option<f64>, GpuError> {
-    let name = launches.first().map_or("nothing", |launch| launch.name);
-    let clock = match timed && device.found().timestamps {
-        true => Some(Clock::new(device, name)?),
-        false => None,
-    };
-    let mut encoder = device.device.create_command_encoder(&Default::default());
-    record(&mut encoder, launches, clock.as_ref().map(Clock::writes));
-    if let Some(clock) = &clock {
-        clock.resolve(&mut encoder);
+    let mut clocks = Vec::new();
+    let mut last = None;
+    for launch in launches {
+        let clock = Clock::where_timed(device, timed)?;
+        let one = std::slice::from_ref(launch);
+        last = Some(submit(device, one, clock.as_ref())?);
+        clocks.extend(clock);
     }
-    let submitted = device.queue.submit([encoder.finish()]);
     if !timed {
         return device.check().map(|()| None);
     }
-    device.wait(submitted)?;
-    clock.map(|clock| clock.seconds(device)).transpose()
+    if let Some(last) = last {
+        device.wait(last)?;
+    }
+    let seconds = clocks.iter().map(|clock| clock.seconds(device));
+    let seconds: Vec<f64> = seconds.collect::<Result<_, _>>()?;
+    Ok(device.found().timestamps.then(|| seconds.iter().sum()))
+}
+
+/// Submits launches as one pass, which `clock` times.
+pub(crate) fn submit(
+    device: &Device,
+    launches: &[Launch],
+    clock: Option<&Clock>,
+) -> Result<wgpu::SubmissionIndex, GpuError> {
+    let mut encoder = device.device.create_command_encoder(&Default::default());
+    record(&mut encoder, launches, clock.map(Clock::writes));
+    if let Some(clock) = clock {
+        clock.resolve(&mut encoder);
+    }
+    let submitted = device.queue.submit([encoder.finish()]);
+    device.check().map(|()| submitted)
 }
 
 /// Records launches as one pass.
@@ -281,16 +297,21 @@ pub(crate) fn record(
 
 /// Times one pass.
 #[derive(Debug)]
-struct Clock {
+pub(crate) struct Clock {
     set: wgpu::QuerySet,
     times: wgpu::Buffer,
 }
 
 impl Clock {
-    /// For a device that has timestamps.
-    fn new(device: &Device, name: &str) -> Result<Self, GpuError> {
+    /// One where that is asked for and the device has timestamps.
+    pub fn where_timed(device: &Device, timed: bool) -> Result<Option<Self>, GpuError> {
+        let has = timed && device.found().timestamps;
+        has.then(|| Self::new(device)).transpose()
+    }
+
+    fn new(device: &Device) -> Result<Self, GpuError> {
         let set = device.device.create_query_set(&wgpu::QuerySetDescriptor {
-            label: Some(name),
+            label: Some("times"),
             ty: wgpu::QueryType::Timestamp,
             count: 2,
         });
@@ -314,7 +335,7 @@ impl Clock {
     }
 
     /// Once it has run.
-    fn seconds(&self, device: &Device) -> Result<f64, GpuError> {
+    pub fn seconds(&self, device: &Device) -> Result<f64, GpuError> {
         let mut ends = [0u64; 2];
         device.fetch(&self.times, &mut ends)?;
         let ticks = ends[1].saturating_sub(ends[0]) as f64;

@@ -7,7 +7,8 @@
 //! [`device`] finds and opens devices, [`kernel`] compiles stages, [`scene`] lays a world out for them, [`build`] makes
 //! trees there. Stages: [`generate`] draws camera rays, [`trace`] traces rays, [`shade`] tells what their hits give, [`film`]
 //! sums that up by pixel; where hits are not opaque, `trace` and `shade` take turns, layer after layer; [`occlude`] sends rays
-//! on from hits, and tells how many meet nothing; [`frame`] runs those that core's passes need, from the [`first`] on.
+//! on from hits, and tells how many meet nothing; [`frame`] runs those that core's passes need, from the [`first`] on; [`pace`] tells how much
+//! goes there at once.
 #![forbid(unsafe_code)]
 
 pub mod build;
@@ -22,6 +23,7 @@ pub mod kernel;
 mod layers;
 pub mod occlude;
 mod order;
+pub mod pace;
 mod pages;
 pub mod scene;
 pub mod shade;
@@ -36,6 +38,7 @@ pub use first::FirstOnDevice;
 pub use frame::{FrameOptions, GpuFrame, Stages};
 pub use generate::{GpuCamera, RayMaker};
 pub use occlude::{Occluder, Occlusion};
+pub use pace::Submitted;
 pub use scene::GpuScene;
 pub use tiles::GpuTiles;
 pub use trace::Tracer;

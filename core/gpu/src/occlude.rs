@@ -9,7 +9,9 @@
 //! Space: the world's, relative to its origin; times are in [0, 1] across the shutter; directions have unit length, so that
 //! [`Occlusion::reach`] is in scene units.
 
+use std::ops::Range;
 use std::sync::Arc;
+use std::time::Duration;
 
 use hdtrapeze_core::sample::{PatternKind, PixelSampler};
 use hdtrapeze_core::trace::{self, TraceCounts};
@@ -22,10 +24,11 @@ use wgpu::BufferUsages as Usage;
 
 use super::kernel::{Binding, Kernel, Kernels, rows};
 use super::order::Orderer;
+use super::pace::{Pace, Submitted};
 use super::trace::packed;
 use super::{Device, GpuError, GpuScene};
 
-/// Rays that are asked about at once: 50 MB of them, and no driver's patience is tried.
+/// Rays that are asked about at once: 50 MB of them.
 const LAUNCH: usize = 1 << 20;
 /// Storage buffers of the stage `occlude` where rays are in another order.
 const ORDERED_BUFFERS: u32 = 9;
@@ -90,6 +93,8 @@ pub struct Occluder {
     scatters: Kernels<bool>,
     occludes: Kernels<OccludePermutation>,
     shares: Kernels<()>,
+    /// Of the stage `occlude`; the others do the same for each ray.
+    pace: Pace,
 }
 
 impl Occluder {
@@ -101,8 +106,22 @@ impl Occluder {
             scatters: Kernels::default(),
             occludes: Kernels::default(),
             shares: Kernels::default(),
+            pace: Pace::default(),
             device,
         }
+    }
+
+    /// For this device, which should be at one submission no longer than `target`.
+    pub fn with_target(device: Arc<Device>, target: Duration) -> Self {
+        Self {
+            pace: Pace::new(target),
+            ..Self::new(device)
+        }
+    }
+
+    /// What the stage `occlude` has submitted by now.
+    pub fn submitted(&self) -> Submitted {
+        self.pace.submitted()
     }
 
     /// The device.
@@ -406,9 +425,9 @@ impl Occluder {
             Told::Counts => Some(self.storage("counts", 8 * len)?),
             Told::Visits => Some(self.storage("visits", 4 * (1 + VISITS as usize) * len)?),
         };
-        let mut seconds = None;
-        for (number, page) in scene.pages.iter().enumerate() {
-            let workgroups = (len as u32).div_ceil(TRACE_WORKGROUP);
+        let launch = |number: usize, some: Range<usize>| {
+            let page = &scene.pages[number];
+            let workgroups = (some.len() as u32).div_ceil(TRACE_WORKGROUP);
             let launch = TraceLaunch {
                 root: page.root,
                 ray_count: len as u32,
@@ -416,6 +435,8 @@ impl Occluder {
                 page: number as u32,
                 radius: page.radius,
                 pad: page.pad,
+                first: some.start as u32,
+                end: some.end as u32,
                 ..TraceLaunch::default()
             };
             let launch = device.uniform("launch", &launch)?;
@@ -429,12 +450,13 @@ impl Occluder {
                 ordered: rays.order.is_some(),
                 told,
             })?;
-            let launched = match order.is_empty() {
+            Ok(match order.is_empty() {
                 true => kernel.launch(device, &[&scene, &batch], workgroups),
                 false => kernel.launch(device, &[&scene, &batch, &order], workgroups),
-            };
-            add(&mut seconds, launched.run(device, timed)?);
-        }
+            })
+        };
+        let size = (scene.pages.len(), len);
+        let seconds = self.pace.run(device, size, false, timed, launch)?;
         Ok((occluded, besides, seconds))
     }
 

@@ -3,19 +3,22 @@
 //! Rays go there in batches: [`Tracer::batch`] uploads one, [`Tracer::run`] traces it, [`Tracer::read`] fetches its hits.
 //! [`Tracer::trace`] does all of that for any number of rays.
 
+use std::ops::Range;
 use std::sync::Arc;
+use std::time::Duration;
 
 use hdtrapeze_core::trace::{self, TraceCounts};
 use hdtrapeze_shaders::layout::{Hit, Ray, TraceLaunch};
 use hdtrapeze_shaders::stage::{TRACE_WORKGROUP, TracePermutation};
 use wgpu::BufferUsages as Usage;
 
-use super::kernel::{Binding, Kernel, Kernels, Launch, rows, run};
+use super::kernel::{Binding, Kernel, Kernels, Launch, rows};
 use super::layers::{Layer, Layers};
+use super::pace::{Pace, Submitted};
 use super::scene::Page;
 use super::{Device, GpuError, GpuScene};
 
-/// Rays of one submission of [`Tracer::trace`] at most: 40 MiB of rays and hits, and no driver's patience is tried.
+/// Rays of one batch of [`Tracer::trace`] at most: 40 MiB of rays and hits.
 const LAUNCH: usize = 1 << 19;
 
 /// Traces rays on a device. Pipelines are compiled once for each permutation.
@@ -23,13 +26,41 @@ const LAUNCH: usize = 1 << 19;
 pub struct Tracer {
     device: Arc<Device>,
     kernels: Kernels<TracePermutation>,
+    pace: Pace,
+}
+
+/// The stage on a page, to be launched for some rays after others.
+#[derive(Debug)]
+struct Pass {
+    kernel: Arc<Kernel>,
+    page: [wgpu::Buffer; 6],
+    launch: TraceLaunch,
+    /// Rays, their hits, and what they cost or what is left of them.
+    buffers: Vec<wgpu::Buffer>,
+}
+
+impl Pass {
+    fn launch(&self, device: &Device, rays: Range<usize>) -> Result<Launch, GpuError> {
+        let groups = (rays.len() as u32).div_ceil(TRACE_WORKGROUP).max(1);
+        let launch = TraceLaunch {
+            row: rows(device, groups)[0] * TRACE_WORKGROUP,
+            first: rays.start as u32,
+            end: rays.end as u32,
+            ..self.launch
+        };
+        let launch = device.uniform("launch", &launch)?;
+        let mut batch: Vec<&wgpu::Buffer> = self.buffers.iter().collect();
+        batch.insert(2, &launch);
+        let page = self.page.each_ref();
+        Ok(self.kernel.launch(device, &[&page, &batch], groups))
+    }
 }
 
 /// Rays on a device, and what they hit.
 #[derive(Debug)]
 pub struct Batch {
     /// One a page.
-    launches: Vec<Launch>,
+    passes: Vec<Pass>,
     hits: wgpu::Buffer,
     counts: Option<wgpu::Buffer>,
     len: usize,
@@ -52,7 +83,16 @@ impl Tracer {
     pub fn new(device: Arc<Device>) -> Self {
         Self {
             kernels: Kernels::default(),
+            pace: Pace::default(),
             device,
+        }
+    }
+
+    /// For this device, which should be at one submission no longer than `target`.
+    pub fn with_target(device: Arc<Device>, target: Duration) -> Self {
+        Self {
+            pace: Pace::new(target),
+            ..Self::new(device)
         }
     }
 
@@ -125,18 +165,18 @@ impl Tracer {
         };
         let mut buffers = vec![rays, &hits];
         buffers.extend(counted.as_ref());
-        let launch = |(number, page): (usize, &Page)| {
+        let pass = |(number, page): (usize, &Page)| {
             let permutation = TracePermutation {
                 any,
                 counts,
                 culls: page.permutation.culls && !any,
                 ..page.permutation
             };
-            self.launch(page, permutation, number, Layer::first(len), &buffers)
+            self.pass(page, permutation, number, Layer::first(len), &buffers)
         };
-        let launches = scene.pages.iter().enumerate().map(launch);
+        let passes = scene.pages.iter().enumerate().map(pass);
         Ok(Batch {
-            launches: launches.collect::<Result<_, GpuError>>()?,
+            passes: passes.collect::<Result<_, GpuError>>()?,
             hits,
             counts: counted,
             len,
@@ -185,45 +225,61 @@ impl Tracer {
         timed: bool,
     ) -> Result<Option<f64>, GpuError> {
         let buffers = [rays, &layers.hits, &layers.veils];
-        let launch = |(number, page): (usize, &Page)| {
+        let pass = |(number, page): (usize, &Page)| {
             let permutation = TracePermutation {
                 layers: true,
                 ..page.permutation
             };
-            self.launch(page, permutation, number, layer, &buffers)
+            self.pass(page, permutation, number, layer, &buffers)
         };
-        let launches = scene.pages.iter().enumerate().map(launch);
-        let launches: Vec<Launch> = launches.collect::<Result<_, GpuError>>()?;
-        run(&self.device, &launches, timed)
+        let passes = scene.pages.iter().enumerate().map(pass);
+        let passes: Vec<Pass> = passes.collect::<Result<_, GpuError>>()?;
+        self.paced(&passes, layer.most, layer.number > 0, timed)
     }
 
     /// The stage on a page, by its number. `buffers` are the rays, their hits, and what they cost or what is left of them.
-    fn launch(
+    fn pass(
         &self,
         page: &Page,
         permutation: TracePermutation,
         number: usize,
         layer: Layer,
         buffers: &[&wgpu::Buffer],
-    ) -> Result<Launch, GpuError> {
-        let device = &*self.device;
-        let groups = (layer.most as u32).div_ceil(TRACE_WORKGROUP).max(1);
-        let [across, _] = rows(device, groups);
+    ) -> Result<Pass, GpuError> {
         let launch = TraceLaunch {
             root: page.root,
             ray_count: layer.len as u32,
-            row: across * TRACE_WORKGROUP,
             page: number as u32,
             radius: page.radius,
             pad: page.pad,
             layer: layer.number as u32,
             sides: page.sides,
+            ..TraceLaunch::default()
         };
-        let launch = device.uniform("launch", &launch)?;
-        let mut batch = buffers.to_vec();
-        batch.insert(2, &launch);
-        let kernel = self.kernel(permutation)?;
-        Ok(kernel.launch(device, &[&page.group.each_ref(), &batch], groups))
+        Ok(Pass {
+            kernel: self.kernel(permutation)?,
+            page: page.group.clone(),
+            launch,
+            buffers: buffers.iter().copied().cloned().collect(),
+        })
+    }
+
+    fn paced(
+        &self,
+        passes: &[Pass],
+        len: usize,
+        sparse: bool,
+        timed: bool,
+    ) -> Result<Option<f64>, GpuError> {
+        let device = &*self.device;
+        let launch = |page: usize, rays| passes[page].launch(device, rays);
+        let count = passes.len();
+        self.pace.run(device, (count, len), sparse, timed, launch)
+    }
+
+    /// What was submitted by now.
+    pub fn submitted(&self) -> Submitted {
+        self.pace.submitted()
     }
 
     /// Traces a batch; gives the seconds that the device took, where it can tell.
@@ -236,7 +292,7 @@ impl Tracer {
 
     /// The same, without waiting for it where it is not `timed`.
     pub(crate) fn start(&self, batch: &Batch, timed: bool) -> Result<Option<f64>, GpuError> {
-        run(&self.device, &batch.launches, timed)
+        self.paced(&batch.passes, batch.len, false, timed)
     }
 
     /// Fetches the hits of a batch that has run.

@@ -5,9 +5,12 @@ mod support;
 #[path = "../../tests/trace_scenes/mod.rs"]
 mod trace_scenes;
 
+use std::sync::Arc;
+use std::time::Duration;
+
 use glam::{DVec3, Vec3};
 use hdtrapeze_core::trace::{Hit, InstanceTransform, Ray, TraceCounts, World, brute};
-use hdtrapeze_gpu::{GpuError, GpuScene, Tracer};
+use hdtrapeze_gpu::{GpuError, GpuScene, Occluder, Tracer};
 use libtest_mimic::Failed;
 use support::*;
 use trace_scenes::*;
@@ -144,6 +147,55 @@ fn paged(tracer: &Tracer, world: &World, most: u64, least_pages: usize) -> Resul
         return Err(format!("{found} hits, but not for any").into());
     }
     Ok(())
+}
+
+/// A device is at one submission for no longer than it should be: long work goes there in parts, each of one page, and whatever
+/// parts there are, hits have the same bits.
+fn in_parts(tracer: &Tracer) -> Result<(), Failed> {
+    const MANY: usize = 100_000;
+    const FIRST: usize = 1 << 15;
+    let device = tracer.device();
+    let scene = GpuScene::with_pages(device, &world_of(sheet(8, 9, &keys(2))), 20_000)?;
+    let pages = scene.page_count();
+    let mut rng = Rng(6);
+    let rays: Vec<Ray> = (0..MANY).map(|_| random_ray(&mut rng)).collect();
+    let (mut hits, mut found, mut behind) = (Vec::new(), Vec::new(), Vec::new());
+    for (target, first_is_largest) in [(Duration::ZERO, true), (Duration::MAX, false)] {
+        let tracer = Tracer::with_target(Arc::clone(device), target);
+        let mut met = vec![Hit::MISS; MANY];
+        tracer.trace(&scene, &rays, false, &mut met)?;
+        let occluder = Occluder::with_target(Arc::clone(device), target);
+        let mut any = vec![false; MANY];
+        occluder.occluded(&scene, &rays, true, &mut any)?;
+        hits.push(met);
+        found.push(any);
+        for told in [tracer.submitted(), occluder.submitted()] {
+            let right = match first_is_largest {
+                true => {
+                    told.largest == FIRST
+                        && told.next < FIRST / 16
+                        && told.count as usize > 50 * pages
+                }
+                false => {
+                    // All rays of a page, once that is known to be possible.
+                    let least = 4 + pages - 2;
+                    told.largest == MANY && (least..3 * pages).contains(&(told.count as usize))
+                }
+            };
+            if !right || pages < 5 {
+                return Err(
+                    format!("{told:?} for {MANY} rays on {pages} pages, {target:?}").into(),
+                );
+            }
+        }
+        behind.push(tracer.layers(&scene, &rays, 2)?);
+    }
+    let met = hits[0].iter().map(Hit::is_hit);
+    let same = hits[0] == hits[1] && found[0] == found[1] && behind[0] == behind[1];
+    match same && met.eq(found[0].iter().copied()) {
+        true => Ok(()),
+        false => Err("hits depend on parts".into()),
+    }
 }
 
 /// One set of very many instances needs several pages of them.
@@ -284,6 +336,7 @@ fn main() {
             Box::new(move |tracer| layered(tracer, &make(), most, least_layers)),
         );
     }
+    add("work_in_parts".to_owned(), Box::new(in_parts));
     add("bad_rays".to_owned(), Box::new(bad_rays));
     add("watertight".to_owned(), Box::new(watertight));
     run(checks);

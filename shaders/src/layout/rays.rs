@@ -62,4 +62,8 @@ pub struct TraceLaunch {
     pub layer: u32,
     /// First word of the sides of instances, where some are passed through.
     pub sides: u32,
+    /// The first ray that is traced.
+    pub first: u32,
+    /// One past the last.
+    pub end: u32,
 }

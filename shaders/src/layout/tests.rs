@@ -85,7 +85,9 @@ fn rust_layouts() -> Vec<Layout> {
             radius,
             pad,
             layer,
-            sides
+            sides,
+            first,
+            end
         }),
         rust_layout!(Site {
             origin,

@@ -99,6 +99,10 @@ struct TraceLaunch {
     layer: u32,
     // First word of the sides of instances, where some are passed through; see sides_some.wgsl.
     sides: u32,
+    // The first ray that is traced.
+    first: u32,
+    // One past the last.
+    end: u32,
 }
 
 // Where rays leave a first hit, world space relative to the world's origin.

@@ -5,8 +5,8 @@
 
 @compute @workgroup_size(64)
 fn trace(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let index = group.y * launch.row + group.x * WORKGROUP + lane;
-    if group.x * WORKGROUP + lane >= launch.row || index >= launch.ray_count {
+    let index = launch.first + group.y * launch.row + group.x * WORKGROUP + lane;
+    if group.x * WORKGROUP + lane >= launch.row || index >= launch.end {
         return;
     }
     let ray = rays[index];

@@ -7,10 +7,11 @@
 
 @compute @workgroup_size(64)
 fn trace(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    if group.x * WORKGROUP + lane >= launch.row {
+    let place = launch.first + group.y * launch.row + group.x * WORKGROUP + lane;
+    if group.x * WORKGROUP + lane >= launch.row || place >= launch.end {
         return;
     }
-    let index = going_on(group.y * launch.row + group.x * WORKGROUP + lane);
+    let index = going_on(place);
     if index == NONE {
         return;
     }

@@ -17,6 +17,10 @@ const STRIDE: u64 = 256;
 /// Runs that are timed: two timestamps each.
 const TIMED: u32 = 256;
 
+/// Dispatches of a submission at most. Each does a bounded part of the work on one page, once for all of its items, and a
+/// watchdog looks at submissions.
+const DISPATCHES: usize = 12;
+
 /// A stage, and whether bounds move.
 type Permutation = (BuildStage, bool);
 
@@ -108,9 +112,11 @@ impl Runner {
         };
         let steps = steps.iter().zip(offsets).map(launch);
         let steps: Vec<Launch> = steps.collect::<Result<_, _>>()?;
-        let mut encoder = device.device.create_command_encoder(&Default::default());
-        record(&mut encoder, &steps, clock.stamp(stage));
-        device.queue.submit([encoder.finish()]);
+        for steps in steps.chunks(DISPATCHES) {
+            let mut encoder = device.device.create_command_encoder(&Default::default());
+            record(&mut encoder, steps, clock.stamp(stage));
+            device.queue.submit([encoder.finish()]);
+        }
         device.check()
     }
 
