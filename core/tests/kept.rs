@@ -8,9 +8,9 @@ use std::sync::atomic::AtomicBool;
 use glam::{DMat4, DVec3, Vec3};
 use hdtrapeze_core::render::{Prepared, prepare};
 use hdtrapeze_core::scene::{
-    CameraDesc, CurvesDesc, Geometry, ImplicitDesc, ImplicitKind, InstanceArrays, InstancerDesc,
-    Interpolation, PointsSamples, PrimCommon, PrimDesc, PrimId, PrimvarDesc, RenderSettings,
-    Samples, Scene, TransformSamples,
+    CameraDesc, CurveForm, CurvesDesc, Geometry, ImplicitDesc, ImplicitKind, InstanceArrays,
+    InstancerDesc, Interpolation, PointsSamples, PrimCommon, PrimDesc, PrimId, PrimvarDesc,
+    RenderSettings, Samples, Scene, TransformSamples,
 };
 use support::NoSubdivision;
 
@@ -194,7 +194,7 @@ fn other_edits_are_not_passed_over() {
     };
     assert_eq!(with(|_| ()), (0, 2));
     assert_eq!(with(|s| s.shading_rate = 0.9), (2, 0));
-    assert_eq!(with(|s| s.shutter = Some([0.0, 0.5])), (2, 0));
+    assert_eq!(with(|s| s.shutter = Some([0.0, 0.5])), (0, 2));
     assert_eq!(with(|s| s.keep_finer = false), (2, 0));
     // Nor are grids that were kept, once they may not be, though the camera is where it was.
     let kept = commit(&near, Some(&first));
@@ -265,6 +265,92 @@ fn what_is_hidden_is_dropped_where_it_would_not_do() {
     assert_eq!(after(&coarser), (1, 1));
     let batch = |scene: &mut Scene| Arc::make_mut(&mut scene.settings).keep_finer = false;
     assert_eq!(after(&batch), (1, 1));
+}
+
+/// A ball that stands still, one that moves, one that grows, one that has color at two times, a strand, and an instanced ball.
+fn still_and_moving() -> Scene {
+    const INSTANCER: PrimId = PrimId(50);
+    let two = |at: fn(f64) -> DMat4| TransformSamples {
+        times: vec![0.0, 1.0],
+        matrices: vec![at(0.0), at(1.0)],
+        ..TransformSamples::default()
+    };
+    let mut moving = ball("/moving", DVec3::ZERO);
+    let moved = |t: f64| DMat4::from_translation(DVec3::new(-2.5, t, 0.0));
+    moving.common.transform = vec![two(moved)];
+    let mut growing = ball("/growing", DVec3::X * 2.5);
+    if let Geometry::Implicit(desc) = &mut growing.geometry {
+        desc.times = vec![0.0, 1.0];
+        desc.sizes = vec![[1.0, 0.0, 0.0], [1.2, 0.0, 0.0]];
+    }
+    let mut coloured = ball("/coloured", DVec3::Y * 2.5);
+    let mut color = PrimvarDesc::still(Interpolation::Constant, 3, vec![0.5; 3], vec![]);
+    color.samples.push(color.samples[0].clone());
+    color.samples[1].time = 1.0;
+    let color = ("displayColor".to_owned(), color);
+    coloured.common.primvars.extend([color]);
+    let mut part = ball("/i/part", DVec3::Y * -2.5);
+    part.common.instancer = Some((INSTANCER, 0));
+    let still = ball("/still", DVec3::ZERO);
+    let prims = vec![still, strand("/strand"), part, moving, growing, coloured];
+    let mut scene = scene(prims);
+    let mut desc = InstancerDesc::new("/i");
+    desc.arrays = Arc::new(InstanceArrays {
+        instance_count: 1,
+        ..InstanceArrays::default()
+    });
+    scene.instancers.insert(INSTANCER, Arc::new(desc));
+    Arc::make_mut(&mut scene.settings).occlusion_culling = false;
+    scene
+}
+
+#[test]
+fn another_shutter_leaves_what_stands_still() {
+    for keep_finer in [true, false] {
+        let mut scene = still_and_moving();
+        Arc::make_mut(&mut scene.settings).keep_finer = keep_finer;
+        let first = commit(&scene, None);
+        let shut = |scene: &mut Scene, close: f64| {
+            let camera = Arc::make_mut(scene.cameras.get_mut(&CAMERA).unwrap());
+            camera.shutter = [0.0, close];
+        };
+        let mut blurred = scene.clone();
+        shut(&mut blurred, 0.5);
+        let open = commit(&blurred, Some(&first));
+        assert_eq!(touched(&open), (3, 3), "keep_finer {keep_finer}");
+        shut(&mut blurred, 0.25);
+        let edited = commit(&blurred, Some(&open));
+        assert_eq!(touched(&edited), (3, 3), "keep_finer {keep_finer}");
+        let fresh = commit(&blurred, None);
+        assert_eq!(edited.explain("cpu"), fresh.explain("cpu"));
+        assert_eq!(
+            edited.statistics().micropolygons,
+            fresh.statistics().micropolygons
+        );
+        // A camera that moves sees what stands still differently.
+        let camera = Arc::make_mut(blurred.cameras.get_mut(&CAMERA).unwrap());
+        let from = camera.transform[0].matrices[0];
+        camera.transform[0].times = vec![0.0, 1.0];
+        camera.transform[0].matrices = vec![from, from * DMat4::from_translation(DVec3::Z * -18.0)];
+        let passing = commit(&blurred, Some(&edited));
+        shut(&mut blurred, 0.9);
+        let passed = commit(&blurred, Some(&passing));
+        assert!(touched(&passed).0 >= 5, "all but the instanced one");
+        let [passed, fresh] =
+            [&passed, &commit(&blurred, None)].map(|p| p.statistics().micropolygons);
+        assert!(
+            passed == fresh || keep_finer && passed > fresh,
+            "{passed} of {fresh}"
+        );
+    }
+}
+
+#[test]
+fn what_curves_become_is_of_no_matter_to_others() {
+    let mut scene = still_and_moving();
+    let first = commit(&scene, None);
+    Arc::make_mut(&mut scene.settings).curves = CurveForm::Tubes;
+    assert_eq!(touched(&commit(&scene, Some(&first))), (1, 5));
 }
 
 #[test]

@@ -6,8 +6,9 @@ use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use super::chains::Chain;
+use super::earlier::same_dicing;
 use super::objects::prepare_prim;
-use super::prepare::{View, same_dicing};
+use super::prepare::View;
 use super::prepared::CacheEntry;
 use crate::scene::{PrimDesc, PrimId, Scene};
 use crate::surface::SubdivisionFactory;

@@ -7,6 +7,7 @@
 mod ahead;
 mod chains;
 mod clusters;
+mod earlier;
 mod elsewhere;
 mod generate;
 mod given;

@@ -9,6 +9,7 @@ use rayon::prelude::*;
 
 use super::ahead::Ahead;
 use super::chains::{self, Chain, same_chain};
+use super::earlier::{Earlier, is_still, same_shared_dicing};
 use super::nests::{Member, beyond_memory};
 use super::objects::{Context, PrimObjects, prepare_prim};
 use super::prepared::{CacheEntry, PrepareStatistics, Prepared, PreparedPrim, SetEntry};
@@ -145,12 +146,8 @@ pub fn prepare_with(
         .iter()
         .map(|(id, prim, chain)| (*id, *prim, chain))
         .collect();
-    let same_view = previous.filter(|p| same_dicing(p.shutter, &p.camera_desc, &p.settings, &view));
-    let near_view = previous.filter(|p| {
-        let kept = settings.keep_finer && p.shutter == view.shutter;
-        kept && same_dicing_settings(&p.settings, settings)
-    });
-    let same_rates = previous.filter(|p| same_shared_dicing(p, &view));
+    let earlier = previous.map(|previous| Earlier::new(previous, &view));
+    let same_rates = previous.filter(|p| same_shared_dicing(p, settings));
     let same_primvars = |objects: &PrimObjects, prim: &PrimDesc, chain: &Chain| {
         objects.primvars.fit(prim, chain, &view.primvar_aovs)
     };
@@ -160,11 +157,12 @@ pub fn prepare_with(
         if let Some(new) = new {
             return Some((Arc::clone(&new.objects), Taken::Ahead));
         }
-        let old = same_view.or(near_view)?.cache.get(id)?;
+        let earlier = earlier.as_ref()?;
+        let old = earlier.entry(id, prim, chain)?;
         let same = same_geometry(&old.desc, prim) && same_place(&old.desc, prim);
         let same =
             same && same_chain(&old.chain, chain) && same_primvars(&old.objects, prim, chain);
-        let fits = || same_view.is_some() || (chain.is_empty() && old.objects.fits(&view.camera));
+        let fits = || earlier.same_view || (chain.is_empty() && old.objects.fits(&view.camera));
         (same && fits()).then(|| (Arc::clone(&old.objects), Taken::Whole))
     };
     let found: Vec<Option<(Arc<PrimObjects>, Taken)>> = visible
@@ -206,7 +204,8 @@ pub fn prepare_with(
             if let Some(found) = found {
                 return found;
             }
-            let old = same_rates.and_then(|p| p.cache.get(id));
+            let old = same_rates.filter(|p| p.shutter == view.shutter || is_still(prim, chain));
+            let old = old.and_then(|p| p.cache.get(id));
             let same = |old: &&CacheEntry| {
                 same_geometry(&old.desc, prim) && same_primvars(&old.objects, prim, chain)
             };
@@ -284,9 +283,10 @@ pub fn prepare_with(
     if settings.keep_finer {
         // Shown again, they are as they were.
         let kept = hidden.par_iter().filter_map(|(id, prim)| {
-            let old = same_view.or(near_view)?.cache.get(id)?;
+            let earlier = earlier.as_ref()?;
+            let old = earlier.entry(id, prim, &previous?.cache.get(id)?.chain)?;
             let near = || old.chain.is_empty() && old.objects.fits(&view.camera);
-            let stays = same_geometry(&old.desc, prim) && (same_view.is_some() || near());
+            let stays = same_geometry(&old.desc, prim) && (earlier.same_view || near());
             stays.then(|| (**id, old.clone()))
         });
         cache.extend(kept.collect::<Vec<_>>());
@@ -459,42 +459,6 @@ fn find_places<'a>(
     chains::warn_of(&broken, scene, warnings);
     found.sort_by(|a, b| a.1.common.path.cmp(&b.1.common.path));
     (found, hidden)
-}
-
-/// True when everything that dicing and paths depend on, apart from the prims, is that of `view`.
-pub(super) fn same_dicing(
-    shutter: Shutter,
-    camera: &CameraDesc,
-    old: &RenderSettings,
-    view: &View,
-) -> bool {
-    let settings = &view.settings;
-    shutter == view.shutter
-        && *camera == *view.camera_desc
-        && old.resolution == settings.resolution
-        && old.pixel_aspect == settings.pixel_aspect
-        && old.window_policy == settings.window_policy
-        && old.window() == settings.window()
-        // What was kept before may be of another view.
-        && (settings.keep_finer || !old.keep_finer)
-        && same_dicing_settings(old, settings)
-}
-
-/// True when the settings that dicing depends on are the same, apart from the view.
-fn same_dicing_settings(old: &RenderSettings, new: &RenderSettings) -> bool {
-    old.shading_rate == new.shading_rate
-        && old.max_micropolygons == new.max_micropolygons
-        && old.curves == new.curves
-        && old.dices_on_demand() == new.dices_on_demand()
-}
-
-/// True when everything that the dicing of instanced prims depends on, apart from the prims and their
-/// rates, is that of `view`.
-fn same_shared_dicing(previous: &Prepared, view: &View) -> bool {
-    let (old, settings) = (&previous.settings, &view.settings);
-    previous.shutter == view.shutter
-        && old.shading_rate == settings.shading_rate
-        && old.max_micropolygons == settings.max_micropolygons
 }
 
 /// True when two descriptions of a prim put it in the same place.

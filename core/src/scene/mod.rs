@@ -11,6 +11,7 @@ pub mod instancer;
 pub mod prim;
 pub mod primvar;
 pub mod settings;
+mod still;
 pub mod subset;
 
 use std::collections::BTreeMap;
