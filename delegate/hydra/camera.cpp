@@ -90,9 +90,15 @@ GfInterval HdTrapezeCamera::Shutter() const {
 void HdTrapezeCamera::Sync(HdSceneDelegate* delegate, HdRenderParam* renderParam,
                            HdDirtyBits* dirtyBits) {
     auto& param = *static_cast<HdTrapezeRenderParam*>(renderParam);
+    param.Guard(GetId(), [&] { _Sync(delegate, param, dirtyBits); });
+    *dirtyBits = Clean;
+}
+
+void HdTrapezeCamera::_Sync(HdSceneDelegate* delegate, HdTrapezeRenderParam& param,
+                            HdDirtyBits* dirtyBits) {
     SdfPath const& id = GetId();
     HdDirtyBits bits = *dirtyBits;
-    HdCamera::Sync(delegate, renderParam, dirtyBits);
+    HdCamera::Sync(delegate, &param, dirtyBits);
     param.SetObserver(delegate);
     if (_id == 0) {
         if (!param.Edit(id, trz_camera_create, id.GetText(), &_id)) {

@@ -36,6 +36,7 @@ public:
     void SampleAgain(HdRenderIndex& index, HdTrapezeRenderParam const& param) const;
 
 private:
+    void _Sync(HdSceneDelegate* delegate, HdTrapezeRenderParam& param, HdDirtyBits* dirtyBits);
     void _SendLens(HdTrapezeSyncing const& camera) const;
 
     trz_id _id = 0;

@@ -90,8 +90,20 @@ bool HdTrapezeInstancer::IsPlace(TfToken const& name) {
 void HdTrapezeInstancer::Sync(HdSceneDelegate* delegate, HdRenderParam* renderParam,
                               HdDirtyBits* dirtyBits) {
     auto& param = *static_cast<HdTrapezeRenderParam*>(renderParam);
+    // What failed may have changed it in part.
+    HdDirtyBits const bits = _lost ? HdChangeTracker::AllDirty : *dirtyBits;
+    bool const lost = !param.Guard(GetId(), [&] { _Sync(delegate, param, bits); });
+    if (_lost != lost) {
+        _lost = lost;
+        param.Edit(GetId(), trz_prim_set_visible, _id, !lost);
+    }
+    // Whether instances are visible is told with their prims, and in lists of instances.
+    *dirtyBits &= ~HdChangeTracker::AllSceneDirtyBits;
+}
+
+void HdTrapezeInstancer::_Sync(HdSceneDelegate* delegate, HdTrapezeRenderParam& param,
+                               HdDirtyBits bits) {
     SdfPath const& id = GetId();
-    HdDirtyBits bits = *dirtyBits;
     if (_id == 0) {
         if (!param.Edit(id, trz_instancer_create, id.GetText(), &_id)) {
             return;
@@ -101,7 +113,7 @@ void HdTrapezeInstancer::Sync(HdSceneDelegate* delegate, HdRenderParam* renderPa
     }
     HdTrapezeSyncing instancer{id, _id, delegate, param, _motion.Reach(param.Shutter())};
     SdfPath const before = GetParentId();
-    _UpdateInstancer(delegate, dirtyBits);
+    _UpdateInstancer(delegate, &bits);
     SdfPath const& parent = GetParentId();
     if (before != parent) {
         if (HdTrapezeInstancer* nest = param.instancers.Find(before)) {
@@ -126,8 +138,6 @@ void HdTrapezeInstancer::Sync(HdSceneDelegate* delegate, HdRenderParam* renderPa
     if (bits & HdChangeTracker::DirtyTransform) {
         instancer.SendTransform(HdTrapezeSampleTransform(delegate, id, instancer.shutter, true));
     }
-    // Whether instances are visible is told with their prims, and in lists of instances.
-    *dirtyBits &= ~HdChangeTracker::AllSceneDirtyBits;
 }
 
 void HdTrapezeInstancer::_SyncPlaces(HdTrapezeSyncing const& instancer) {

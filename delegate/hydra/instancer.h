@@ -45,10 +45,13 @@ private:
         size_t prototype = SIZE_MAX;
     };
 
+    void _Sync(HdSceneDelegate* delegate, HdTrapezeRenderParam& param, HdDirtyBits bits);
     void _SyncPlaces(HdTrapezeSyncing const& instancer);
     void _SendPlaces(HdTrapezeRenderParam& param);
 
     trz_id _id = 0;
+    /// It is not drawn, since the host could not tell what it is.
+    bool _lost = false;
     /// What says where instances are.
     std::map<TfToken, HdTrapezeSamples<VtValue>> _places;
     /// How instanceTransforms go between samples; see turns of HdTrapezeTransform.

@@ -22,6 +22,17 @@ PXR_NAMESPACE_OPEN_SCOPE
 
 namespace {
 
+// What skins points, for one.
+class _Computation final : public HdExtComputation {
+public:
+    using HdExtComputation::HdExtComputation;
+    void Sync(HdSceneDelegate* delegate, HdRenderParam* renderParam, HdDirtyBits* bits) override {
+        static_cast<HdTrapezeRenderParam*>(renderParam)->Guard(GetId(), [&] {
+            HdExtComputation::Sync(delegate, renderParam, bits);
+        });
+    }
+};
+
 HdAovDescriptor _Describe(HdFormat format, VtValue const& clear) { return {format, false, clear}; }
 
 HdAovDescriptor _Vector() { return _Describe(HdFormatFloat32Vec3, VtValue(GfVec3f(0.0f))); }
@@ -229,7 +240,7 @@ HdSprim* HdTrapezeRenderDelegate::CreateSprim(TfToken const& type, SdfPath const
         return new HdTrapezeCamera(id);
     }
     if (type == HdPrimTypeTokens->extComputation) {
-        return new HdExtComputation(id);
+        return new _Computation(id);
     }
     if (type == HdPrimTypeTokens->material) {
         return new HdTrapezeMaterial(id);

@@ -14,6 +14,7 @@
 #include "pxr/usd/sdf/path.h"
 
 #include <atomic>
+#include <exception>
 #include <map>
 #include <mutex>
 #include <set>
@@ -51,6 +52,20 @@ public:
 
     /// The same, the first time only.
     void WarnOnce(SdfPath const& id, std::string const& text);
+
+    /// Runs what asks the host for something: hosts throw where their scene is broken, which must
+    /// not get out of a Sync. False then, and a warning.
+    template <class F> bool Guard(SdfPath const& id, F&& ask) {
+        try {
+            ask();
+            return true;
+        } catch (std::exception const& error) {
+            WarnOnce(id, std::string("the host cannot tell what it is: ") + error.what());
+        } catch (...) {
+            WarnOnce(id, "the host cannot tell what it is");
+        }
+        return false;
+    }
 
     /// How far edits and renders are. A session that failed has nothing more to come.
     trz_progress Progress() const;

@@ -36,6 +36,10 @@ T _Authored(HdRenderIndex const& index, SdfPath const& id, TfToken const& name, 
 void HdTrapezeRenderSettings::_Sync(HdSceneDelegate* delegate, HdRenderParam* renderParam,
                                     HdDirtyBits const*) {
     auto& param = *static_cast<HdTrapezeRenderParam*>(renderParam);
+    param.Guard(GetId(), [&] { _Read(delegate->GetRenderIndex(), param); });
+}
+
+void HdTrapezeRenderSettings::_Read(HdRenderIndex& index, HdTrapezeRenderParam& param) {
     using Owner = HdTrapezeSettingsLayer::Owner;
     _layer = HdTrapezeReadNamespaced(Owner::Settings, GetNamespacedSettings(), GetId(), param);
     RenderProducts const& products = GetRenderProducts();
@@ -51,7 +55,7 @@ void HdTrapezeRenderSettings::_Sync(HdSceneDelegate* delegate, HdRenderParam* re
     _disableMotionBlur = all(&RenderProduct::disableMotionBlur);
     _disableDepthOfField = all(&RenderProduct::disableDepthOfField);
 #endif
-    _disableMotionBlur |= HdTrapezeIsInstantaneous(delegate->GetRenderIndex(), GetId());
+    _disableMotionBlur |= HdTrapezeIsInstantaneous(index, GetId());
     // Motion is sampled for the shutters of all products; those of cameras are known.
     GfInterval shutter = _layer.Shutter();
     for (RenderProduct const& product : products) {
@@ -69,7 +73,7 @@ void HdTrapezeRenderSettings::_Sync(HdSceneDelegate* delegate, HdRenderParam* re
         shutter |= GfInterval(times[0], times[1]);
     }
     param.SetShutterOf(this, shutter);
-    param.SampleShutter(delegate->GetRenderIndex());
+    param.SampleShutter(index);
 }
 
 void HdTrapezeRenderSettings::Finalize(HdRenderParam* renderParam) {

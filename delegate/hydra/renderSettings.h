@@ -29,6 +29,7 @@ public:
 private:
     void _Sync(HdSceneDelegate* delegate, HdRenderParam* renderParam,
                HdDirtyBits const* dirtyBits) override;
+    void _Read(HdRenderIndex& index, HdTrapezeRenderParam& param);
 
     HdTrapezeSettingsLayer _layer{HdTrapezeSettingsLayer::Owner::Settings};
     bool _disableMotionBlur = false;

@@ -29,15 +29,27 @@ void HdTrapezeRprim::_InitRepr(TfToken const& name, HdDirtyBits*) {
 
 void HdTrapezeRprim::Sync(HdSceneDelegate* delegate, HdRenderParam* renderParam,
                           HdDirtyBits* dirtyBits, TfToken const&) {
-    HdDirtyBits bits = *dirtyBits;
-    _UpdateVisibility(delegate, dirtyBits);
-    _UpdateInstancer(delegate, dirtyBits);
+    auto& param = *static_cast<HdTrapezeRenderParam*>(renderParam);
+    bool const before = _lost;
+    // What failed may have changed it in part.
+    HdDirtyBits const bits = _lost ? HdChangeTracker::AllDirty : *dirtyBits;
+    if (!param.Guard(GetId(), [&] { _Sync(delegate, param, bits); })) {
+        _lost = true;
+    }
+    if (_lost != before) {
+        param.MarkVisibilityDirty();
+    }
     *dirtyBits &= ~HdChangeTracker::AllSceneDirtyBits;
+}
+
+void HdTrapezeRprim::_Sync(HdSceneDelegate* delegate, HdTrapezeRenderParam& param,
+                           HdDirtyBits bits) {
+    _UpdateVisibility(delegate, &bits);
+    _UpdateInstancer(delegate, &bits);
     HdRenderIndex& index = delegate->GetRenderIndex();
     if (index.GetInstancer(GetInstancerId())) {
         HdInstancer::_SyncInstancerAndParents(index, GetInstancerId());
     }
-    auto& param = *static_cast<HdTrapezeRenderParam*>(renderParam);
     SdfPath const& id = GetId();
     if (_id == 0) {
         if (!_shape.create || !param.Edit(id, _shape.create, id.GetText(), &_id)) {
@@ -85,8 +97,9 @@ void HdTrapezeRprim::Sync(HdSceneDelegate* delegate, HdRenderParam* renderParam,
 
 // Apart from Sync: prims whose tag is not asked for, or no longer, are not synced.
 void HdTrapezeRprim::UpdateRenderTag(HdSceneDelegate* delegate, HdRenderParam* renderParam) {
-    HdRprim::UpdateRenderTag(delegate, renderParam);
-    static_cast<HdTrapezeRenderParam*>(renderParam)->MarkVisibilityDirty();
+    auto& param = *static_cast<HdTrapezeRenderParam*>(renderParam);
+    param.Guard(GetId(), [&] { HdRprim::UpdateRenderTag(delegate, renderParam); });
+    param.MarkVisibilityDirty();
 }
 
 void HdTrapezeRprim::Finalize(HdRenderParam* renderParam) {
@@ -182,12 +195,8 @@ void HdTrapezeRprim::_SyncInstancer(HdTrapezeSyncing const& prim) {
     if (instancer) {
         instancer->SetPart(prim.id, _id, prim.delegate->GetInstanceIndices(now, prim.id));
     }
-    bool const lost = !now.IsEmpty() && !instancer;
-    if (lost != _lost) {
-        _lost = lost;
-        prim.param.MarkVisibilityDirty();
-    }
-    if (lost) {
+    _lost = !now.IsEmpty() && !instancer;
+    if (_lost) {
         prim.param.WarnOnce(prim.id, "its instancer <" + now.GetString() +
                                          "> is not there; it has no instances");
     }

@@ -34,6 +34,7 @@ protected:
     void _InitRepr(TfToken const& name, HdDirtyBits*) override;
 
 private:
+    void _Sync(HdSceneDelegate* delegate, HdTrapezeRenderParam& param, HdDirtyBits bits);
     void _SyncTransform(HdTrapezeSyncing const& prim);
     bool _SyncIndices(HdTrapezeSyncing const& prim);
     void _SyncPoints(HdTrapezeSyncing const& prim);
@@ -48,7 +49,7 @@ private:
     HdTrapezePrimvars _primvars;
     int _refineLevel = 0;
     HdTrapezeMotion _motion;
-    // Its instancer is not there.
+    // It is not drawn: its instancer is not there, or the host could not tell what it is.
     bool _lost = false;
     bool _shown = true;
 };

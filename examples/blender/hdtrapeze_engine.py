@@ -31,7 +31,7 @@ FILTERS = (
 
 PASSES = (
     ("use_pass_combined", "Combined", "color", 4, "RGBA", "COLOR"),
-    ("use_pass_z", "Depth", "depth", 1, "Z", "VALUE"),
+    ("use_pass_z", "Depth", "cameraDepth", 1, "Z", "VALUE"),
     ("use_pass_normal", "Normal", "normal", 3, "XYZ", "VECTOR"),
 )
 """Of a view layer: its switch, the pass' name, the AOV, components, their names, their kind."""

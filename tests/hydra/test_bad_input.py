@@ -5,7 +5,7 @@ import re
 
 import numpy as np
 import pytest
-from bad_scenes import HEAD, SCENES
+from bad_scenes import HEAD, SCENES, instancer
 from driver import record, rgba
 from hdtrapeze.cli import main
 
@@ -83,8 +83,6 @@ def test_prototypes_that_vanish(host):
     view.render(1)
     view.save("gone.exr")
     """
-    from bad_scenes import instancer
-
     scene = host.folder / "scene.usda"
     scene.write_text(HEAD + instancer({}))
     ran = host.run(script, scene=scene)
@@ -94,6 +92,54 @@ def test_prototypes_that_vanish(host):
     whole[:, 48:] = 0
     np.testing.assert_array_equal(ran.image("gone.exr")[:, :47], whole[:, :47])
     assert ran.image("gone.exr")[:, 50:].max() == 0
+
+
+def test_what_the_host_throws(host):
+    """Here of a negative index of a prototype: a warning, and what was edited since is drawn."""
+    script = """
+    stage = Usd.Stage.Open(scene)
+    view = View(stage, "/main_cam", interactive=False, samples=4)
+    for name, indices in (("thrown", [0, -3]), ("mended", [0, 0]), ("again", [-3, 0])):
+        edit(stage, "/Bad.protoIndices", indices)
+        view.render(1)
+        view.save(f"{name}.exr")
+    """
+    scene = host.folder / "scene.usda"
+    scene.write_text(HEAD + instancer({}))
+    ran = host.run(script, scene=scene)
+    assert ran.warnings and all(path.startswith("/Bad/") for path, _ in ran.warnings)
+    assert len(ran.warnings) == len(set(ran.warnings))
+    assert all("the host cannot tell what it is" in text for _, text in ran.warnings)
+    whole = record(scene, host.folder / "r.exr", "-w", 96, "--float", "--samples", 4, "-f", 1)
+    np.testing.assert_array_equal(ran.image("mended.exr"), whole)
+    whole[:, 48:] = 0
+    for name in ("thrown.exr", "again.exr"):
+        np.testing.assert_array_equal(ran.image(name), whole)
+
+
+def test_what_the_host_throws_of_prims_that_are_gone(index_host):
+    """Its scene indices keep prototypes of native instances that have become prims of their own."""
+    script = """
+    stage = Usd.Stage.Open(scene)
+    natives = [stage.DefinePrim(f"/Native{i}") for i in range(2)]
+    for native in natives:
+        native.GetReferences().AddInternalReference("/Bad")
+        native.SetInstanceable(True)
+    view = View(stage, "/main_cam", interactive=False, samples=4)
+    view.render(1)
+    for instanceable in (False, True, False):
+        natives[0].SetInstanceable(instanceable)
+        natives[1].SetInstanceable(False)
+        view.render(1)
+    edit(stage, "/main_cam.shutter:close", 0.5)
+    view.render(1)
+    view.save("view.exr")
+    """
+    scene = index_host.folder / "scene.usda"
+    scene.write_text(HEAD + instancer({}))
+    ran = index_host.run(script, scene=scene)
+    assert ran.warnings and all("the host cannot tell" in text for _, text in ran.warnings)
+    assert ran.image("view.exr")[..., 3].max() == 1.0
 
 
 @pytest.mark.parametrize(("settings", "told"), [

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import sdk
-from images import read_png
+from images import read_exr, read_png
 
 SCRIPT = """
 import sys
@@ -33,6 +33,11 @@ for name, stop in (("sharp", 64), ("defocused", 0.1)):
     camera.data.dof.aperture_fstop = stop
     scene.render.filepath = name + ".png"
     bpy.ops.render.render(write_still=True)
+bpy.context.view_layer.use_pass_z = True
+scene.render.image_settings.file_format = "OPEN_EXR_MULTILAYER"
+scene.render.image_settings.color_depth = "32"
+scene.render.filepath = "passes.exr"
+bpy.ops.render.render(write_still=True)
 hdtrapeze_engine.unregister()
 """
 
@@ -103,3 +108,5 @@ def test_blender_renders_with_the_engine_of_the_add_on(tmp_path):
     assert areas["defocused"] == pytest.approx(areas["sharp"], rel=0.1)
     assert edges["defocused"] > 3 * edges["sharp"]
     assert np.all(alphas["sharp"][28:36, 40:56] > 0.99)
+    depth = read_exr(tmp_path / "passes.exr")["ViewLayer.Depth.Z"]
+    np.testing.assert_allclose(depth[28:36, 40:56], 8, rtol=1e-5)
