@@ -94,7 +94,20 @@ def test_prototypes_that_vanish(host):
     assert ran.image("gone.exr")[:, 50:].max() == 0
 
 
-def test_what_the_host_throws(host):
+INNER = instancer({}).replace('"Bad"', '"Inner"').replace("/Bad/", "/Bad/Inner/")
+NESTED = f"""def PointInstancer "Bad"
+{{
+    rel prototypes = </Bad/Inner>
+    int[] protoIndices = [0, 0]
+    point3f[] positions = [(0, 0, 0), (0, 1, 0)]
+
+{INNER}
+}}
+"""
+
+
+@pytest.mark.parametrize("bad", [instancer({}), NESTED], ids=["prim", "instancer"])
+def test_what_the_host_throws(host, bad):
     """Here of a negative index of a prototype: a warning, and what was edited since is drawn."""
     script = """
     stage = Usd.Stage.Open(scene)
@@ -105,7 +118,7 @@ def test_what_the_host_throws(host):
         view.save(f"{name}.exr")
     """
     scene = host.folder / "scene.usda"
-    scene.write_text(HEAD + instancer({}))
+    scene.write_text(HEAD + bad)
     ran = host.run(script, scene=scene)
     assert ran.warnings and all(path.startswith("/Bad/") for path, _ in ran.warnings)
     assert len(ran.warnings) == len(set(ran.warnings))
