@@ -267,7 +267,7 @@ fn what_is_hidden_is_dropped_where_it_would_not_do() {
     assert_eq!(after(&batch), (1, 1));
 }
 
-/// A ball that stands still, one that moves, one that grows, one that has color at two times, a strand, and an instanced ball.
+/// A ball that stands still, one that moves, one that grows, one whose color changes, a strand, and an instanced ball.
 fn still_and_moving() -> Scene {
     const INSTANCER: PrimId = PrimId(50);
     let two = |at: fn(f64) -> DMat4| TransformSamples {
@@ -286,12 +286,16 @@ fn still_and_moving() -> Scene {
     let mut coloured = ball("/coloured", DVec3::Y * 2.5);
     let mut color = PrimvarDesc::still(Interpolation::Constant, 3, vec![0.5; 3], vec![]);
     color.samples.push(color.samples[0].clone());
+    color.samples[1] =
+        PrimvarDesc::still(Interpolation::Constant, 3, vec![0.7; 3], vec![]).samples[0].clone();
     color.samples[1].time = 1.0;
     let color = ("displayColor".to_owned(), color);
     coloured.common.primvars.extend([color]);
     let mut part = ball("/i/part", DVec3::Y * -2.5);
     part.common.instancer = Some((INSTANCER, 0));
-    let still = ball("/still", DVec3::ZERO);
+    let mut still = ball("/still", DVec3::ZERO);
+    // As hosts sample it that do not know.
+    still.common.transform = vec![two(|_| DMat4::IDENTITY)];
     let prims = vec![still, strand("/strand"), part, moving, growing, coloured];
     let mut scene = scene(prims);
     let mut desc = InstancerDesc::new("/i");

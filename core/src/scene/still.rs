@@ -1,38 +1,54 @@
 //! Which descriptions say the same at all times: what becomes of them does not depend on the shutter.
 
+use std::sync::Arc;
+
 use super::{
-    CameraDesc, Geometry, InstancerDesc, PointsSamples, PrimDesc, PrimvarDesc, Samples,
-    TransformSamples,
+    CameraDesc, Geometry, InstancerDesc, PointsSamples, PrimDesc, PrimvarDesc, PrimvarSample,
+    Samples, TransformSamples,
 };
 
-impl<T> Samples<T> {
+/// True where there is one at most, or all are the same: hosts sample what does not move, too.
+fn all_alike<T: PartialEq>(samples: &[T]) -> bool {
+    samples.windows(2).all(|pair| pair[0] == pair[1])
+}
+
+/// As [`all_alike`]; arrays that are shared are not looked into.
+fn arrays_alike<T: PartialEq>(samples: &[Arc<Vec<T>>]) -> bool {
+    let alike = |pair: &[Arc<Vec<T>>]| Arc::ptr_eq(&pair[0], &pair[1]) || pair[0] == pair[1];
+    samples.windows(2).all(alike)
+}
+
+impl<T: PartialEq> Samples<T> {
     fn is_still(&self) -> bool {
-        self.values.len() <= 1
+        arrays_alike(&self.values)
     }
 }
 
 impl PointsSamples {
     fn is_still(&self) -> bool {
         // Rates move points on from a single sample, too.
-        self.points.len() <= 1 && self.rates.velocities.values.is_empty()
+        self.rates.velocities.values.is_empty() && arrays_alike(&self.points)
     }
 }
 
 impl PrimvarDesc {
     fn is_still(&self) -> bool {
-        self.samples.len() <= 1
+        let alike = |pair: &[PrimvarSample]| {
+            pair[0].values == pair[1].values && pair[0].indices == pair[1].indices
+        };
+        self.samples.windows(2).all(alike)
     }
 }
 
 fn are_still(levels: &[TransformSamples]) -> bool {
-    levels.iter().all(|level| level.matrices.len() <= 1)
+    levels.iter().all(|level| all_alike(&level.matrices))
 }
 
 impl Geometry {
     fn is_still(&self) -> bool {
         match self {
             Geometry::Grids(desc) => desc.times.len() <= 1,
-            Geometry::Implicit(desc) => desc.sizes.len() <= 1,
+            Geometry::Implicit(desc) => all_alike(&desc.sizes),
             Geometry::Mesh(desc) => desc.points.is_still(),
             Geometry::NurbsPatch(desc) => desc.points.is_still(),
             Geometry::NurbsCurves(desc) => desc.points.is_still(),
