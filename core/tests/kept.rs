@@ -339,7 +339,9 @@ fn another_shutter_leaves_what_stands_still() {
         let passing = commit(&blurred, Some(&edited));
         shut(&mut blurred, 0.9);
         let passed = commit(&blurred, Some(&passing));
-        assert!(touched(&passed).0 >= 5, "all but the instanced one");
+        // An interactive host keeps the instanced one, which is fine enough.
+        let all = if keep_finer { (5, 1) } else { (6, 0) };
+        assert_eq!(touched(&passed), all, "keep_finer {keep_finer}");
         let [passed, fresh] =
             [&passed, &commit(&blurred, None)].map(|p| p.statistics().micropolygons);
         assert!(
