@@ -3,7 +3,7 @@
 //! ```text
 //! cargo build --release -p hdtrapeze-gpu --example bench
 //! target/release/examples/bench [--size MILLIONS] [--image PIXELS] [--repeat TIMES] [--no-cpu] [--page MIB]
-//! target/release/examples/bench --occlusion [--size MILLIONS] [--image PIXELS]
+//! target/release/examples/bench --occlusion [--size MILLIONS] [--image PIXELS] [--from STAGE]
 //! target/release/examples/bench --frame SAMPLES [--opacity SHARE] [--from STAGE] [--page MIB]
 //! ```
 //!
@@ -18,7 +18,8 @@
 //!
 //! `--page`: no array of a page is larger, as on devices that bind no more at once (128 MiB is what each binds).
 //!
-//! `--occlusion`: 16 rays from each first hit, as they stand and in order.
+//! `--occlusion`: 16 rays from each first hit, as they stand and in order. With `--from`, shares are held against those that are
+//! found where stages before that one (site, scatter, order, sort, occlude or share) run on the CPU.
 //!
 //! `--frame`: an image of 1280 x 720 with so many samples a pixel, of about a million micropolygons, moving and defocused. Rays are
 //! drawn, traced, shaded and filmed there, in batches that fit; only pixels come back. Each stage is timed on its own. A first
@@ -43,7 +44,8 @@ use hdtrapeze_core::bvh::ObjectGeometry;
 use hdtrapeze_core::grid::DicedMesh;
 use hdtrapeze_core::trace::{Hit, InstanceTransform, Ray, TraceCounts, World};
 use hdtrapeze_gpu::{
-    BuildOptions, Device, FirstOnDevice, FrameOptions, GpuScene, Tracer, TreeBuilder,
+    BuildOptions, Device, FirstOnDevice, FrameOptions, GpuScene, SecondaryStage, Tracer,
+    TreeBuilder,
 };
 use rayon::prelude::*;
 use trace_scenes::lens::Lens;
@@ -72,6 +74,8 @@ struct Options {
     opacity: f32,
     /// How frames and scenes are taken to the device.
     there: FrameOptions,
+    /// The first stage of secondary rays there, where some are to run on the CPU.
+    secondary: Option<SecondaryStage>,
 }
 
 fn options() -> Result<Options, Box<dyn Error>> {
@@ -85,7 +89,9 @@ fn options() -> Result<Options, Box<dyn Error>> {
         frame: None,
         opacity: 1.0,
         there: FrameOptions::default(),
+        secondary: None,
     };
+    let mut from = None;
     let mut arguments = std::env::args().skip(1);
     while let Some(flag) = arguments.next() {
         let mut value = || arguments.next().ok_or(format!("{flag} needs a value"));
@@ -95,11 +101,7 @@ fn options() -> Result<Options, Box<dyn Error>> {
             "--repeat" => options.repeat = value()?.parse()?,
             "--frame" => options.frame = Some(value()?.parse()?),
             "--opacity" => options.opacity = value()?.parse()?,
-            "--from" => {
-                let name = value()?;
-                let named = FirstOnDevice::named(&name);
-                options.there.first = named.ok_or(format!("{name} is no stage"))?;
-            }
+            "--from" => from = Some(value()?),
             "--page" => options.there.most = value()?.parse::<u64>()? << 20,
             "--peak-gbps" => options.peaks.gbps = Some(value()?.parse()?),
             "--peak-tflops" => options.peaks.tflops = Some(value()?.parse()?),
@@ -108,11 +110,28 @@ fn options() -> Result<Options, Box<dyn Error>> {
             _ => return Err(format!("unknown flag {flag}; see the head of bench.rs").into()),
         }
     }
+    match (from, options.occlusion) {
+        (None, _) => {}
+        (Some(name), true) => {
+            let all = SecondaryStage::ALL.map(SecondaryStage::name);
+            let named = SecondaryStage::named(&name);
+            options.secondary = Some(named.ok_or_else(|| no_stage(&name, &all))?);
+        }
+        (Some(name), false) => {
+            let all = FirstOnDevice::ALL.map(FirstOnDevice::name);
+            let named = FirstOnDevice::named(&name);
+            options.there.first = named.ok_or_else(|| no_stage(&name, &all))?;
+        }
+    }
     let sound = options.millions > 0.0 && options.image >= 8 && options.repeat > 0;
     if !sound {
         return Err("sizes and counts must be above 0, images 8 pixels or more".into());
     }
     Ok(options)
+}
+
+fn no_stage(name: &str, all: &[&str]) -> String {
+    format!("{name} is no stage; there are {}", all.join(", "))
 }
 
 /// A scene of about `cells` micropolygons, by name.
@@ -241,7 +260,8 @@ fn run() -> Result<(), Box<dyn Error>> {
 
 /// What occlusion rays cost in each scene, through the CPU's trees.
 fn occlusion(device: &Arc<Device>, options: &Options) -> Result<(), Box<dyn Error>> {
-    let occlusions = Occlusions::new(Tracer::new(Arc::clone(device)));
+    let tracer = Tracer::new(Arc::clone(device));
+    let occlusions = Occlusions::new(tracer, options.secondary);
     Occlusions::head();
     for name in ["sheet", "patches", "fur"] {
         for (motion, key_count, radius) in MOTIONS {

@@ -62,3 +62,70 @@ impl FirstOnDevice {
         }
     }
 }
+
+/// The stages of secondary rays, in their order: those before the first on the device run on the CPU.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub enum SecondaryStage {
+    /// Hits to where rays leave them.
+    #[default]
+    Site,
+    /// Rays from there.
+    Scatter,
+    /// What they are sorted by.
+    Order,
+    /// Their order.
+    Sort,
+    /// Whether they meet anything.
+    Occlude,
+    /// The share of those that do not.
+    Share,
+}
+
+impl SecondaryStage {
+    /// All, in their order.
+    pub const ALL: [Self; 6] = [
+        Self::Site,
+        Self::Scatter,
+        Self::Order,
+        Self::Sort,
+        Self::Occlude,
+        Self::Share,
+    ];
+
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Site => "site",
+            Self::Scatter => "scatter",
+            Self::Order => "order",
+            Self::Sort => "sort",
+            Self::Occlude => "occlude",
+            Self::Share => "share",
+        }
+    }
+
+    /// The stage of this name.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|stage| stage.name() == name)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Each name is one stage's, be it of camera rays or of secondary ones.
+    #[test]
+    fn names_tell_stages_apart() {
+        for stage in FirstOnDevice::ALL {
+            assert_eq!(FirstOnDevice::named(stage.name()), Some(stage));
+            assert_eq!(SecondaryStage::named(stage.name()), None);
+        }
+        for stage in SecondaryStage::ALL {
+            assert_eq!(SecondaryStage::named(stage.name()), Some(stage));
+            assert_eq!(FirstOnDevice::named(stage.name()), None);
+        }
+        assert!(SecondaryStage::ALL.is_sorted());
+        assert_eq!(SecondaryStage::named(""), None);
+    }
+}

@@ -34,7 +34,7 @@ pub mod trace;
 pub use build::{BuildOptions, TreeBuilder};
 pub use device::{Device, Found};
 pub use error::GpuError;
-pub use first::FirstOnDevice;
+pub use first::{FirstOnDevice, SecondaryStage};
 pub use frame::{FrameOptions, GpuFrame, Stages};
 pub use generate::{GpuCamera, RayMaker};
 pub use occlude::{Occluder, Occlusion};

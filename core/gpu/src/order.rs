@@ -33,50 +33,65 @@ impl Orderer {
         }
     }
 
-    /// The places of `len` rays in the order of their keys, which their times are part of where something `moves`; and the
-    /// seconds that the device took where that is asked for and it can tell.
+    /// What the keys of `len` rays are made of: their times, too, where something `moves`.
+    pub fn launch(&self, len: usize, moves: bool) -> OrderLaunch {
+        let count = workgroups(len as u32, SCATTER_WORKGROUP);
+        OrderLaunch {
+            ray_count: len as u32,
+            row: rows(&self.sort.device, count)[0] * SCATTER_WORKGROUP,
+            run_bits: RUN_BITS,
+            direction_bits: DIRECTION_BITS,
+            time_bits: if moves { TIME_BITS } else { 0 },
+        }
+    }
+
+    /// The keys of rays, and their places; and the seconds that the device took where that is asked for and it can tell.
     ///
     /// # Errors
     /// They are more than the device takes at once, or it is lost.
-    pub fn order(
+    pub fn keys(
         &self,
         rays: &wgpu::Buffer,
-        len: usize,
-        moves: bool,
+        launch: &OrderLaunch,
+        timed: bool,
+    ) -> Result<([wgpu::Buffer; 2], Option<f64>), GpuError> {
+        let device = &*self.sort.device;
+        let len = launch.ray_count as usize;
+        let keyed = [self.words("keys", 2 * len)?, self.words("order", len)?];
+        let count = workgroups(launch.ray_count, SCATTER_WORKGROUP);
+        let launch = device.uniform("launch", launch)?;
+        let buffers: [&[&wgpu::Buffer]; 1] = [&[&launch, rays, &keyed[0], &keyed[1]]];
+        let launched = self.kernel()?.launch(device, &buffers, count);
+        let seconds = launched.run(device, timed)?;
+        Ok((keyed, seconds))
+    }
+
+    /// The places of rays in the order of their keys; and seconds as [`Orderer::keys`].
+    ///
+    /// # Errors
+    /// As [`Orderer::keys`].
+    pub fn sort(
+        &self,
+        [keys, places]: [wgpu::Buffer; 2],
+        launch: &OrderLaunch,
         timed: bool,
     ) -> Result<(wgpu::Buffer, Option<f64>), GpuError> {
-        let device = &*self.sort.device;
-        let words = |what, count: usize| {
-            let bytes = (4 * count as u64).max(64);
-            device.buffer(what, bytes, Usage::STORAGE | Usage::COPY_SRC)
-        };
-        let keys = [words("keys", 2 * len)?, words("keys", 2 * len)?];
-        let numbers = [words("order", len)?, words("order", len)?];
-        let count = workgroups(len as u32, SCATTER_WORKGROUP);
-        let time_bits = if moves { TIME_BITS } else { 0 };
-        let run_count = (len as u32).div_ceil(1 << RUN_BITS).max(1);
-        let bits = run_count.next_power_of_two().ilog2() + 2 * DIRECTION_BITS + time_bits;
-        let launch = OrderLaunch {
-            ray_count: len as u32,
-            row: rows(device, count)[0] * SCATTER_WORKGROUP,
-            run_bits: RUN_BITS,
-            direction_bits: DIRECTION_BITS,
-            time_bits,
-        };
-        let launch = device.uniform("launch", &launch)?;
-        let buffers: [&[&wgpu::Buffer]; 1] = [&[&launch, rays, &keys[0], &numbers[0]]];
-        let kernel = self.kernel()?;
-        let told = kernel.launch(device, &buffers, count).run(device, timed)?;
-        let tiles = workgroups(len as u32, SORT_TILE);
+        let (len, items) = (launch.ray_count as usize, launch.ray_count);
+        let keys = [keys, self.words("keys", 2 * len)?];
+        let numbers = [places, self.words("order", len)?];
+        let run_count = items.div_ceil(1 << launch.run_bits).max(1);
+        let run_bits = run_count.next_power_of_two().ilog2();
+        let bits = run_bits + 2 * launch.direction_bits + launch.time_bits;
+        let tiles = workgroups(items, SORT_TILE);
         let launch = BuildLaunch {
-            items: len as u32,
+            items,
             tiles,
             ..BuildLaunch::default()
         };
         let (steps, rounds) = sort_steps(launch, bits);
-        let histogram = words("histogram", (tiles as usize) << SORT_BITS)?;
+        let histogram = self.words("histogram", (tiles as usize) << SORT_BITS)?;
         // What only trees need of the stage.
-        let unused = [words("clusters", 1)?, words("state", 1 << 9)?];
+        let unused = [self.words("clusters", 1)?, self.words("state", 1 << 9)?];
         let set = |from: usize| {
             let to = 1 - from;
             [
@@ -94,13 +109,19 @@ impl Orderer {
         self.sort
             .run(&mut clock, stage, &steps, &[&set(0), &set(1)])?;
         let mut seconds = None;
-        if let Some(told) = told {
-            let sorted = self.sort.seconds(&clock)?;
-            seconds = Some(told + sorted.iter().map(|(_, seconds)| seconds).sum::<f64>());
+        if timed && self.sort.device.found().timestamps {
+            let stages = self.sort.seconds(&clock)?;
+            seconds = Some(stages.iter().map(|(_, seconds)| seconds).sum());
         }
         let [even, odd] = numbers;
         let order = if rounds.is_multiple_of(2) { even } else { odd };
         Ok((order, seconds))
+    }
+
+    fn words(&self, what: &'static str, count: usize) -> Result<wgpu::Buffer, GpuError> {
+        let bytes = (4 * count as u64).max(64);
+        let usage = Usage::STORAGE | Usage::COPY_SRC;
+        self.sort.device.buffer(what, bytes, usage)
     }
 
     fn kernel(&self) -> Result<Arc<Kernel>, GpuError> {

@@ -7,6 +7,7 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::time::Duration;
 
+use glam::Vec3;
 use hdtrapeze_core::trace::{self, TraceCounts};
 use hdtrapeze_shaders::layout::{Hit, Ray, TraceLaunch};
 use hdtrapeze_shaders::stage::{TRACE_WORKGROUP, TracePermutation};
@@ -371,6 +372,17 @@ pub(crate) fn packed((number, ray): (u32, &trace::Ray)) -> Ray {
         time: ray.time.clamp(0.0, 1.0),
         number,
         ..Ray::default()
+    }
+}
+
+/// The ray of a layout's ray, for the CPU.
+pub(crate) fn to_core(ray: &Ray) -> trace::Ray {
+    trace::Ray {
+        origin: Vec3::from_array(ray.origin),
+        dir: Vec3::from_array(ray.dir),
+        time: ray.time,
+        t_min: ray.t_min,
+        t_max: ray.t_max,
     }
 }
 

@@ -5,21 +5,18 @@ mod support;
 #[path = "../../tests/trace_scenes/mod.rs"]
 mod trace_scenes;
 
-use std::f64::consts::FRAC_PI_4;
 use std::sync::Arc;
 
-use glam::{DVec2, DVec3, Vec2Swizzles, Vec3};
+use glam::{DVec3, Vec3};
 use hdtrapeze_core::grid::DicedMesh;
-use hdtrapeze_core::sample::PixelSampler;
 use hdtrapeze_core::trace::{Hit, InstanceTransform, Ray, TraceCounts, World, brute};
-use hdtrapeze_gpu::{GpuScene, Occluder, Occlusion, Tracer};
+use hdtrapeze_gpu::occlude::{Before, host};
+use hdtrapeze_gpu::{GpuScene, Occluder, Occlusion, SecondaryStage, Tracer};
 use hdtrapeze_shaders::layout::{Ray as RayThere, Site};
 use libtest_mimic::Failed;
 use support::*;
 use trace_scenes::*;
 
-/// The row of pixels that patterns of hits are of.
-const PATTERN: u32 = 0x4000_0000;
 /// What a direction may be off by: some roundings of its parts.
 const DIRECTION: f64 = 16.0 / 16_777_216.0;
 
@@ -98,6 +95,7 @@ fn rays_that_end(
 /// First hits, and all that becomes of them.
 struct Made {
     rays: Vec<Ray>,
+    rays_there: Vec<RayThere>,
     hits: Vec<Hit>,
     sites: Vec<Site>,
     scattered: Vec<RayThere>,
@@ -127,12 +125,14 @@ fn made(
     }
     let mut out = Made {
         rays: rays.to_vec(),
+        rays_there: vec![RayThere::default(); len],
         hits,
         sites: vec![Site::default(); len],
         scattered: vec![RayThere::default(); scattered.len],
         order: vec![0; scattered.len],
         shares: vec![0.0; len],
     };
+    device.fetch(&there, &mut out.rays_there)?;
     device.fetch(&sites, &mut out.sites)?;
     device.fetch(&scattered.rays, &mut out.scattered)?;
     match &scattered.order {
@@ -155,27 +155,17 @@ fn to_core(ray: &RayThere) -> Ray {
     }
 }
 
-/// Unit square to unit disk.
-fn disk(at: [f32; 2]) -> DVec2 {
-    let p = DVec2::new(f64::from(at[0]), f64::from(at[1])) * 2.0 - 1.0;
-    if p == DVec2::ZERO {
-        return p;
-    }
-    match p.x.abs() > p.y.abs() {
-        true => DVec2::from_angle(FRAC_PI_4 * p.y / p.x) * p.x,
-        false => DVec2::from_angle(FRAC_PI_4 * p.x / p.y).yx() * p.y,
-    }
-}
-
 /// Sites are where the CPU sees the hits, and rays those of their samples.
 fn sites_and_rays(world: &World, made: &Made, occlusion: &Occlusion) -> Result<(), Failed> {
-    let sampler = PixelSampler::new(occlusion.samples, occlusion.seed);
     let samples = occlusion.samples as usize;
-    for (number, ((ray, hit), site)) in made
+    // Those of the device's sites, and sites of its hits.
+    let expected = host::scattered(&made.sites, occlusion);
+    let expected_sites = host::sites(world, &made.rays_there, &made.hits);
+    for (number, ((ray, hit), (site, expected_site))) in made
         .rays
         .iter()
         .zip(&made.hits)
-        .zip(&made.sites)
+        .zip(made.sites.iter().zip(&expected_sites))
         .enumerate()
     {
         let scattered = &made.scattered[number * samples..][..samples];
@@ -209,25 +199,16 @@ fn sites_and_rays(world: &World, made: &Made, occlusion: &Occlusion) -> Result<(
         {
             return Err(format!("{site:?} for {hit:?} at {at} {away} {aside}").into());
         }
-        let pixel = [occlusion.first + number as u32, PATTERN];
-        let pattern = sampler.pixel(pixel);
-        for (i, ray) in scattered.iter().enumerate() {
-            let sample = pattern.sample(i as u32);
-            let at = disk([sample[0], sample[1]]);
-            let up = (1.0 - at.length_squared()).max(0.0).sqrt();
+        if (site.offset - expected_site.offset).abs() > 1.0e-4 * site.offset {
+            return Err(format!("{site:?}, not {expected_site:?}").into());
+        }
+        let all = scattered.iter().zip(&expected[number * samples..]);
+        for (i, (ray, expected)) in all.enumerate() {
             let n = Vec3::from_array(site.normal).as_dvec3();
-            let side = if n.z < 0.0 { -1.0 } else { 1.0 };
-            let a = -1.0 / (side + n.z);
-            let x = DVec3::new(
-                1.0 + side * n.x * n.x * a,
-                side * n.x * n.y * a,
-                -side * n.x,
-            );
-            let expected = x * at.x + n.cross(x) * at.y + n * up.max(1.0 / 4096.0);
-            let dir = Vec3::from_array(ray.dir).as_dvec3();
+            let [dir, expected] = [ray.dir, expected.dir].map(|d| Vec3::from_array(d).as_dvec3());
             let off = (dir - expected).length();
             // Near the rim the root is steep.
-            if off > DIRECTION / up.max(1.0 / 64.0) || dir.dot(n) <= 0.0 {
+            if off > DIRECTION / expected.dot(n).max(1.0 / 64.0) || dir.dot(n) <= 0.0 {
                 return Err(format!("{ray:?} is {off} off {expected}").into());
             }
             let number = (number * samples + i) as u32;
@@ -318,6 +299,98 @@ fn shares_on_pages(tracer: &Tracer, world: &World, most: u64) -> Result<(), Fail
         true => Ok(()),
         false => Err("shares depend on pages".into()),
     }
+}
+
+/// Whichever stage is the first on the device, shares are those that it finds alone: but for rays of the CPU's sites, which
+/// are off by roundings, and for answers in doubt. Orders are nearly the same.
+fn from_each_stage(tracer: &Tracer, world: &World, most: u64) -> Result<(), Failed> {
+    let device = tracer.device();
+    let scene = GpuScene::with_pages(device, world, most)?;
+    let occluder = Occluder::new(Arc::clone(device));
+    let mut rng = Rng(23);
+    let rays: Vec<Ray> = (0..3000).map(|_| random_ray(&mut rng)).collect();
+    let occlusion = Occlusion {
+        first: 77,
+        reach: 1.5,
+        ..Occlusion::default()
+    };
+    let there = occluder.upload(&rays)?.rays;
+    let batch = tracer.batch_of(&scene, &there, rays.len(), false, false)?;
+    tracer.run(&batch)?;
+    let met = [&there, batch.hits()];
+    let from = |first| -> Result<Vec<f32>, Failed> {
+        let before = Before { first, world };
+        let shares = occluder.shares_from(before, &scene, met, rays.len(), &occlusion)?;
+        let mut found = vec![0.0; rays.len()];
+        device.fetch(&shares, &mut found)?;
+        Ok(found)
+    };
+    let whole = made(tracer, &scene, &rays, &occlusion)?;
+    let some = whole.shares.iter().filter(|&&x| x > 0.0 && x < 1.0).count();
+    if some < 40 {
+        return Err(format!("{some} shares between none and all").into());
+    }
+    // Rays that answer otherwise.
+    let apart = |a: &[f32], b: &[f32]| {
+        let off = a.iter().zip(b).map(|(a, b)| (a - b).abs());
+        (off.sum::<f32>() * occlusion.samples as f32).round() as usize
+    };
+    let answers = rays.len() * occlusion.samples as usize;
+    let mut before = whole.shares.clone();
+    for first in SecondaryStage::ALL {
+        let found = from(first)?;
+        let most = match first {
+            SecondaryStage::Scatter | SecondaryStage::Share => answers / 1000,
+            SecondaryStage::Order => answers / 10_000,
+            // The whole is on the device; or an order differs, at most.
+            _ => 0,
+        };
+        let apart = apart(&found, &before);
+        if apart > most {
+            let name = first.name();
+            return Err(format!("{apart} of {answers} answers differ from {name} on").into());
+        }
+        before = found;
+    }
+    orders(&occluder, world, &scene, &whole)
+}
+
+/// Which ray follows which in an order is what the CPU's stages say, but where a direction is between two cells.
+fn orders(
+    occluder: &Occluder,
+    world: &World,
+    scene: &GpuScene,
+    whole: &Made,
+) -> Result<(), Failed> {
+    let followers = |order: &[u32]| {
+        let mut out = vec![u32::MAX; order.len()];
+        for pair in order.windows(2) {
+            out[pair[0] as usize] = pair[1];
+        }
+        out
+    };
+    let expected = followers(&whole.order);
+    for first in [SecondaryStage::Sort, SecondaryStage::Occlude] {
+        let mut rays = occluder.upload(&[])?;
+        (rays.rays, rays.len) = (
+            occluder
+                .device()
+                .upload("rays", bytemuck::cast_slice(&whole.scattered))?,
+            whole.scattered.len(),
+        );
+        let before = Before { first, world };
+        occluder.sort_from(Some(before), scene, &mut rays, false)?;
+        let mut order = vec![0; rays.len];
+        let there = rays.order.as_ref().ok_or("no order")?;
+        occluder.device().fetch(there, &mut order)?;
+        let found = followers(&order);
+        let apart = found.iter().zip(&expected).filter(|(a, b)| a != b).count();
+        if apart * 1000 > order.len() {
+            let name = first.name();
+            return Err(format!("{apart} of {} follow others from {name} on", order.len()).into());
+        }
+    }
+    Ok(())
 }
 
 /// An order has each ray once.
@@ -573,6 +646,18 @@ fn main() {
                 Box::new(move |tracer| shares_on_pages(tracer, &make(), most)),
             );
         }
+    }
+    let worlds: [Paged; 4] = [
+        ("patches", || world_of(patches(40, 7, &[0.0], 3)), u64::MAX),
+        ("sheet", || world_of(sheet(8, 9, &keys(2))), 20_000),
+        ("crowd", || crowd(12), u64::MAX),
+        ("crowd_on_pages", || crowd(12), 8_000),
+    ];
+    for (name, make, most) in worlds {
+        add(
+            format!("from_each_stage_on_{name}"),
+            Box::new(move |tracer| from_each_stage(tracer, &make(), most)),
+        );
     }
     add("known_answers".to_owned(), Box::new(known_answers));
     add("bad_rays".to_owned(), Box::new(bad_rays));

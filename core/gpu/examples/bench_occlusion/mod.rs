@@ -9,8 +9,8 @@ use std::sync::Arc;
 
 use glam::Vec3;
 use hdtrapeze_core::trace::{Ray, TraceCounts, World};
-use hdtrapeze_gpu::occlude::Scattered;
-use hdtrapeze_gpu::{GpuScene, Occluder, Occlusion, Tracer};
+use hdtrapeze_gpu::occlude::{Before, Scattered};
+use hdtrapeze_gpu::{GpuScene, Occluder, Occlusion, SecondaryStage, Tracer};
 use hdtrapeze_shaders::layout::{Hit, Ray as RayThere};
 use rayon::prelude::*;
 
@@ -33,14 +33,24 @@ struct Work {
     occlude: f64,
 }
 
+/// Rays and their hits, on a device.
+struct Met {
+    rays: wgpu::Buffer,
+    hits: wgpu::Buffer,
+    len: usize,
+}
+
 pub struct Occlusions {
     tracer: Tracer,
     occluder: Occluder,
+    /// The first stage there, where the CPU is to run some.
+    first: Option<SecondaryStage>,
 }
 
 impl Occlusions {
-    pub fn new(tracer: Tracer) -> Self {
+    pub fn new(tracer: Tracer, first: Option<SecondaryStage>) -> Self {
         Self {
+            first,
             occluder: Occluder::new(Arc::clone(tracer.device())),
             tracer,
         }
@@ -76,15 +86,23 @@ impl Occlusions {
         for (order, sorted) in [("numbered", false), ("sorted", true)] {
             let mut work = Work::default();
             let (mut differ, mut compared) = (0, 0);
+            let (mut apart, mut shares) = (0, 0);
             let mut first = 0;
             let most = self.occluder.most_hits(Occlusion::default().samples);
             for rays in rays.chunks(most) {
                 let occlusion = Occlusion {
                     first,
+                    sorted,
                     ..Occlusion::default()
                 };
                 first += rays.len() as u32;
-                let mut scattered = self.scattered(scene, rays, &occlusion)?;
+                let met = self.met(scene, rays)?;
+                if let Some(first) = self.first {
+                    let before = Before { first, world };
+                    apart += self.apart(scene, &met, before, &occlusion)?;
+                    shares += met.len;
+                }
+                let mut scattered = self.scattered(scene, &met, &occlusion)?;
                 if sorted {
                     let seconds = self.occluder.sort(scene, &mut scattered, true)?;
                     work.sort += seconds.unwrap_or(0.0);
@@ -111,17 +129,18 @@ impl Occlusions {
                 work.sort,
                 work.rays as f64 / work.occlude * 1e-6,
             );
+            if let Some(first) = self.first {
+                println!(
+                    "  from {} on: {apart} of {shares} shares differ",
+                    first.name()
+                );
+            }
         }
         Ok(())
     }
 
-    /// Occlusion rays of what these rays meet first.
-    fn scattered(
-        &self,
-        scene: &GpuScene,
-        rays: &[Ray],
-        occlusion: &Occlusion,
-    ) -> Result<Scattered, Box<dyn Error>> {
+    /// What these rays meet first.
+    fn met(&self, scene: &GpuScene, rays: &[Ray]) -> Result<Met, Box<dyn Error>> {
         // Misses send no rays: only hits are left to be numbered.
         let there = self.occluder.upload(rays)?.rays;
         let batch = self
@@ -138,16 +157,45 @@ impl Occlusions {
             .map(|(r, _)| *r)
             .collect();
         hits.retain(|hit| hit.instance != u32::MAX);
-        let there = self.occluder.upload(&rays)?.rays;
-        let hits = self
-            .tracer
-            .device()
-            .upload("hits", bytemuck::cast_slice(&hits))?;
-        let first = [&there, &hits];
-        let (sites, _) = self.occluder.sites(scene, first, rays.len(), false)?;
-        let (scattered, _) = self
+        let device = self.tracer.device();
+        Ok(Met {
+            rays: self.occluder.upload(&rays)?.rays,
+            hits: device.upload("hits", bytemuck::cast_slice(&hits))?,
+            len: rays.len(),
+        })
+    }
+
+    /// How many shares are others where the CPU runs some stages.
+    fn apart(
+        &self,
+        scene: &GpuScene,
+        met: &Met,
+        before: Before<'_>,
+        occlusion: &Occlusion,
+    ) -> Result<usize, Box<dyn Error>> {
+        let first = [&met.rays, &met.hits];
+        let (whole, _) = self
             .occluder
-            .scatter(&sites, rays.len(), occlusion, false)?;
+            .shares(scene, first, met.len, occlusion, false)?;
+        let some = self
+            .occluder
+            .shares_from(before, scene, first, met.len, occlusion)?;
+        let (mut a, mut b) = (vec![0.0f32; met.len], vec![0.0f32; met.len]);
+        self.tracer.device().fetch(&whole, &mut a)?;
+        self.tracer.device().fetch(&some, &mut b)?;
+        Ok(a.iter().zip(&b).filter(|(a, b)| a != b).count())
+    }
+
+    /// Occlusion rays of what was met.
+    fn scattered(
+        &self,
+        scene: &GpuScene,
+        met: &Met,
+        occlusion: &Occlusion,
+    ) -> Result<Scattered, Box<dyn Error>> {
+        let first = [&met.rays, &met.hits];
+        let (sites, _) = self.occluder.sites(scene, first, met.len, false)?;
+        let (scattered, _) = self.occluder.scatter(&sites, met.len, occlusion, false)?;
         Ok(scattered)
     }
 

@@ -4,18 +4,24 @@
 //! time. `scatter` sends rays from there, of the samples that camera rays are drawn with. `order` and `sort` put them in
 //! an order in which those of a workgroup take nearly one way through the trees, which may be left out: answers have the
 //! same bits. `occlude` tells whether each meets anything, a bit a ray, and `share` sums that up for each hit. Nothing crosses the
-//! bus but what is read. [`Occluder::shares`] runs them all; each can be run alone.
+//! bus but what is read. [`Occluder::shares`] runs them all; each can be run alone. [`Occluder::shares_from`] has the first of them
+//! run on the CPU ([`host`]), to find out which stage a difference comes from.
 //!
 //! Space: the world's, relative to its origin; times are in [0, 1] across the shutter; directions have unit length, so that
 //! [`Occlusion::reach`] is in scene units.
+
+pub mod host;
 
 use std::ops::Range;
 use std::sync::Arc;
 use std::time::Duration;
 
+use bytemuck::Pod;
 use hdtrapeze_core::sample::{PatternKind, PixelSampler};
 use hdtrapeze_core::trace::{self, TraceCounts};
-use hdtrapeze_shaders::layout::{Ray, ScatterLaunch, ShareLaunch, Site, SiteLaunch, TraceLaunch};
+use hdtrapeze_shaders::layout::{
+    self, Ray, ScatterLaunch, ShareLaunch, Site, SiteLaunch, TraceLaunch,
+};
 use hdtrapeze_shaders::stage::{
     OccludePermutation, SCATTER_WORKGROUP, TRACE_WORKGROUP, Told, VISITS, scatter_source,
     share_source, site_source,
@@ -25,11 +31,14 @@ use wgpu::BufferUsages as Usage;
 use super::kernel::{Binding, Kernel, Kernels, rows};
 use super::order::Orderer;
 use super::pace::{Pace, Submitted};
-use super::trace::packed;
-use super::{Device, GpuError, GpuScene};
+use super::trace::{packed, unpacked};
+use super::{Device, GpuError, GpuScene, SecondaryStage};
+pub use host::Before;
 
 /// Rays that are asked about at once: 50 MB of them.
 const LAUNCH: usize = 1 << 20;
+/// The row that sites are pixels of, as `scatter.wgsl` has it.
+const PATTERN: u32 = 0x4000_0000;
 /// Storage buffers of the stage `occlude` where rays are in another order.
 const ORDERED_BUFFERS: u32 = 9;
 
@@ -56,6 +65,16 @@ impl Default for Occlusion {
             first: 0,
             reach: f32::INFINITY,
             sorted: true,
+        }
+    }
+}
+
+impl Occlusion {
+    /// Its reach, as a device has it.
+    fn finite_reach(&self) -> f32 {
+        match self.reach.is_nan() {
+            true => 0.0,
+            false => self.reach.clamp(0.0, f32::MAX),
         }
     }
 }
@@ -143,18 +162,85 @@ impl Occluder {
         occlusion: &Occlusion,
         timed: bool,
     ) -> Result<(wgpu::Buffer, OcclusionSeconds), GpuError> {
+        self.run(None, scene, [rays, hits], len, occlusion, timed)
+    }
+
+    /// The same, where the CPU runs the stages before one.
+    ///
+    /// # Errors
+    /// As [`Occluder::shares`].
+    pub fn shares_from(
+        &self,
+        before: Before<'_>,
+        scene: &GpuScene,
+        [rays, hits]: [&wgpu::Buffer; 2],
+        len: usize,
+        occlusion: &Occlusion,
+    ) -> Result<wgpu::Buffer, GpuError> {
+        let (shares, _) = self.run(Some(before), scene, [rays, hits], len, occlusion, false)?;
+        Ok(shares)
+    }
+
+    fn run(
+        &self,
+        before: Option<Before<'_>>,
+        scene: &GpuScene,
+        first: [&wgpu::Buffer; 2],
+        len: usize,
+        occlusion: &Occlusion,
+        timed: bool,
+    ) -> Result<(wgpu::Buffer, OcclusionSeconds), GpuError> {
+        let device = &*self.device;
+        let here = |stage| before.and_then(|before| before.runs(stage));
         let mut seconds = OcclusionSeconds::default();
-        let (sites, site) = self.sites(scene, [rays, hits], len, timed)?;
-        let (mut scattered, scatter) = self.scatter(&sites, len, occlusion, timed)?;
+        let (sites, site) = match here(SecondaryStage::Site) {
+            None => self.sites(scene, first, len, timed)?,
+            Some(world) => {
+                let hits: Vec<layout::Hit> = self.fetched(first[1], len)?;
+                let hits: Vec<trace::Hit> = hits.iter().map(unpacked).collect();
+                let sites = host::sites(world, &self.fetched(first[0], len)?, &hits);
+                (device.upload("sites", bytemuck::cast_slice(&sites))?, None)
+            }
+        };
+        let (mut scattered, scatter) = match here(SecondaryStage::Scatter) {
+            None => self.scatter(&sites, len, occlusion, timed)?,
+            Some(_) => {
+                let rays = host::scattered(&self.fetched(&sites, len)?, occlusion);
+                let scattered = Scattered {
+                    rays: device.upload("rays", bytemuck::cast_slice(&rays))?,
+                    len: rays.len(),
+                    order: None,
+                };
+                (scattered, None)
+            }
+        };
         seconds.scatter = site.unwrap_or(0.0) + scatter.unwrap_or(0.0);
         if occlusion.sorted {
-            seconds.sort = self.sort(scene, &mut scattered, timed)?.unwrap_or(0.0);
+            let took = self.sort_from(before, scene, &mut scattered, timed)?;
+            seconds.sort = took.unwrap_or(0.0);
         }
-        let (occluded, occlude) = self.occlude(scene, &scattered, timed)?;
+        let (occluded, occlude) = match here(SecondaryStage::Occlude) {
+            None => self.occlude(scene, &scattered, timed)?,
+            Some(world) => {
+                let rays: Vec<Ray> = self.fetched(&scattered.rays, scattered.len)?;
+                let words = host::occluded(world, &rays);
+                (
+                    device.upload("occluded", bytemuck::cast_slice(&words))?,
+                    None,
+                )
+            }
+        };
         seconds.occlude = occlude.unwrap_or(0.0);
         let (shares, share) = self.share(&occluded, len, occlusion.samples, timed)?;
         seconds.share = share.unwrap_or(0.0);
         Ok((shares, seconds))
+    }
+
+    /// So many of what the device has there.
+    fn fetched<T: Pod>(&self, from: &wgpu::Buffer, len: usize) -> Result<Vec<T>, GpuError> {
+        let mut all = vec![T::zeroed(); len];
+        self.device.fetch(from, &mut all)?;
+        Ok(all)
     }
 
     /// Hits that fit into a batch of no more than so many rays that the device takes.
@@ -243,10 +329,7 @@ impl Occluder {
             ray_count: count as u32,
             row,
             first: occlusion.first,
-            reach: match occlusion.reach.is_nan() {
-                true => 0.0,
-                false => occlusion.reach.clamp(0.0, f32::MAX),
-            },
+            reach: occlusion.finite_reach(),
         };
         let launch = device.uniform("launch", &launch)?;
         let net = sampler.kind() == PatternKind::Net;
@@ -294,12 +377,48 @@ impl Occluder {
         rays: &mut Scattered,
         timed: bool,
     ) -> Result<Option<f64>, GpuError> {
+        self.sort_from(None, scene, rays, timed)
+    }
+
+    /// The same, where the CPU runs the stages before one.
+    ///
+    /// # Errors
+    /// As [`Occluder::sort`].
+    pub fn sort_from(
+        &self,
+        before: Option<Before<'_>>,
+        scene: &GpuScene,
+        rays: &mut Scattered,
+        timed: bool,
+    ) -> Result<Option<f64>, GpuError> {
         if self.storage_buffers() < ORDERED_BUFFERS {
             return Ok(None);
         }
+        let (device, len) = (&*self.device, rays.len);
+        let here = |stage| before.and_then(|before| before.runs(stage)).is_some();
         let moves = scene.pages.iter().any(|page| page.permutation.time);
-        let (order, seconds) = self.orderer.order(&rays.rays, rays.len, moves, timed)?;
+        let launch = self.orderer.launch(len, moves);
+        let (keyed, mut seconds) = match here(SecondaryStage::Order) {
+            false => self.orderer.keys(&rays.rays, &launch, timed)?,
+            true => {
+                let keys = host::keys(&self.fetched(&rays.rays, len)?, &launch);
+                let places: Vec<u32> = (0..len as u32).collect();
+                let keyed = [
+                    device.upload("keys", bytemuck::cast_slice(&keys))?,
+                    device.upload("order", bytemuck::cast_slice(&places))?,
+                ];
+                (keyed, None)
+            }
+        };
+        let (order, sort) = match here(SecondaryStage::Sort) {
+            false => self.orderer.sort(keyed, &launch, timed)?,
+            true => {
+                let order = host::sorted(&self.fetched(&keyed[0], len)?);
+                (device.upload("order", bytemuck::cast_slice(&order))?, None)
+            }
+        };
         rays.order = Some(order);
+        add(&mut seconds, sort);
         Ok(seconds)
     }
 
