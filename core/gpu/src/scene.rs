@@ -475,10 +475,9 @@ impl Arrays {
         for grid in &mesh.grids {
             let header = GridHeader {
                 first_vertex: grid.first_vertex,
-                element: grid.element,
                 rates: u32::from(grid.nu) | u32::from(grid.nv) << 16,
             };
-            self.words.extend(bytemuck::cast::<_, [u32; 3]>(header));
+            self.words.extend(bytemuck::cast::<_, [u32; 2]>(header));
         }
         let mut numbers = EMPTY;
         if let Some(in_whole) = in_whole {

@@ -8,8 +8,6 @@ use bytemuck::{Pod, Zeroable};
 pub struct GridHeader {
     /// Number of the grid's first lattice vertex.
     pub first_vertex: u32,
-    /// Authored face that the grid lies on.
-    pub element: u32,
     /// Micropolygons along u in the low 16 bits, along v in the high 16; each 1 to 16.
     pub rates: u32,
 }

@@ -39,7 +39,6 @@ fn rust_layouts() -> Vec<Layout> {
     vec![
         rust_layout!(GridHeader {
             first_vertex,
-            element,
             rates
         }),
         rust_layout!(Ray {
@@ -337,7 +336,7 @@ fn a_changed_layout_is_noticed() {
     for (from, to) in [
         ("time: f32", "time: f32, late: f32"),
         ("t_min: f32,", ""),
-        ("element: u32,", "element: u32, extra: u32,"),
+        ("rates: u32,", "rates: u32, extra: u32,"),
         ("struct Instance", "struct Copy"),
         ("grid: u32", "mesh: u32"),
         ("dir: vec3<f32>", "dir: vec4<f32>"),

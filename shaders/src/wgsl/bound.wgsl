@@ -323,8 +323,8 @@ fn bound(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) group
     }
     let item = item_at(i);
     let object = objects[item.object];
-    let header = object.grids + 3u * item.grid;
-    let rates = vec2<u32>(words[header + 2u] & 0xffffu, words[header + 2u] >> 16u);
+    let header = object.grids + 2u * item.grid;
+    let rates = vec2<u32>(words[header + 1u] & 0xffffu, words[header + 1u] >> 16u);
     var lattice: Lattice;
     lattice.stride = rates.x + 1u;
     lattice.plane = (rates.x + 1u) * (rates.y + 1u);

@@ -127,9 +127,9 @@ fn test_group(best: ptr<function, Hit>, rect: Rect, object: Object, ray: CellRay
     if object.numbers != 0xffffffffu {
         grid = words[object.numbers + grid];
     }
-    let header = object.grids + 3u * rect.grid;
+    let header = object.grids + 2u * rect.grid;
     let first_vertex = words[header];
-    let rates = words[header + 2u];
+    let rates = words[header + 1u];
     let nu = rates & 0xffffu;
     let nv = rates >> 16u;
     let n = (nu + 1u) * (nv + 1u);

@@ -21,8 +21,8 @@ struct Cell {
 
 // The grid of the hit is its place on the page.
 fn cell_of(object: Object, hit: Hit) -> Cell {
-    let header = object.grids + 3u * hit.grid;
-    let rates = words[header + 2u];
+    let header = object.grids + 2u * hit.grid;
+    let rates = words[header + 1u];
     let nu = rates & 0xffffu;
     let a = hit.cell / nu * (nu + 1u) + hit.cell % nu;
     var out: Cell;

@@ -5,8 +5,6 @@
 struct GridHeader {
     // Number of the grid's first lattice vertex.
     first_vertex: u32,
-    // Authored face that the grid lies on.
-    element: u32,
     // Micropolygons along u in the low 16 bits, along v in the high 16; each 1 to 16.
     rates: u32,
 }

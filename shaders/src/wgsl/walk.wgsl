@@ -70,7 +70,7 @@ fn carried(instance: Instance, origin: vec3<f32>, dir: vec3<f32>, time: f32) -> 
 fn loose_rect(object: Object, item: u32) -> Rect {
     let grid = (item & ~(LEAF | LOOSE)) >> 3u;
     let slot = item & 7u;
-    let rates = words[object.grids + 3u * grid + 2u];
+    let rates = words[object.grids + 2u * grid + 1u];
     let w = rates & 0xffffu;
     let h = rates >> 16u;
     if w <= 4u && h <= 2u {
