@@ -1,6 +1,7 @@
 //! The stages `order` and `sort` on a device: which order rays are best taken in.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use hdtrapeze_shaders::layout::{BuildLaunch, OrderLaunch};
 use hdtrapeze_shaders::stage::{BuildStage, SCATTER_WORKGROUP, SORT_BITS, SORT_TILE, order_source};
@@ -25,11 +26,11 @@ pub(crate) struct Orderer {
 }
 
 impl Orderer {
-    /// For this device.
-    pub fn new(device: Arc<Device>) -> Self {
+    /// For this device, which should be at one submission no longer than `target`.
+    pub fn new(device: Arc<Device>, target: Duration) -> Self {
         Self {
             kernels: Kernels::default(),
-            sort: Runner::new(device),
+            sort: Runner::new(device, target),
         }
     }
 

@@ -15,7 +15,7 @@ use wgpu::BufferUsages as Usage;
 
 use super::kernel::{Binding, Kernel, Kernels, Launch, rows};
 use super::layers::{Layer, Layers};
-use super::pace::{Pace, Submitted};
+use super::pace::{Pace, Sizes, Submitted};
 use super::scene::Page;
 use super::{Device, GpuError, GpuScene};
 
@@ -92,7 +92,7 @@ impl Tracer {
     /// For this device, which should be at one submission no longer than `target`.
     pub fn with_target(device: Arc<Device>, target: Duration) -> Self {
         Self {
-            pace: Pace::new(target),
+            pace: Pace::new(target, Sizes::RAYS),
             ..Self::new(device)
         }
     }

@@ -28,6 +28,7 @@ pub(crate) mod run;
 mod trees;
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use bytemuck::cast_slice;
 use hdtrapeze_core::bvh::{LinearBox, Tree};
@@ -41,7 +42,7 @@ use wgpu::BufferUsages as Usage;
 
 use super::pages::Paints;
 use super::scene::{self, Arrays, MOVES, Made, Page, Start, Unit, upload};
-use super::{Device, FirstOnDevice, GpuError, GpuScene};
+use super::{Device, FirstOnDevice, GpuError, GpuScene, Submitted, pace};
 use forest::Forest;
 use host::Bounded;
 use run::{Clock, Runner};
@@ -405,9 +406,19 @@ impl Making<'_> {
 impl TreeBuilder {
     /// For this device.
     pub fn new(device: Arc<Device>) -> Self {
+        Self::with_target(device, pace::TARGET)
+    }
+
+    /// For this device, which should be at one submission no longer than `target`.
+    pub fn with_target(device: Arc<Device>, target: Duration) -> Self {
         Self {
-            runner: Runner::new(device),
+            runner: Runner::new(device, target),
         }
+    }
+
+    /// What a stage has submitted by now.
+    pub fn submitted(&self, stage: BuildStage) -> Submitted {
+        self.runner.submitted(stage)
     }
 
     /// The device.

@@ -1,7 +1,14 @@
 //! Runs of the dispatches of the stages that make trees.
+//!
+//! **How much at once.** A submission has as many dispatches as take a small part of what watchdogs allow, by how long those of
+//! the stage before took. One dispatch is not cut in parts: it goes once over the items of a page at most, and a page has no
+//! more than a binding holds. Where 4 GiB can be bound, that is 45 million items that move, whose boxes have 96 bytes; a
+//! dispatch reads and writes some 200 bytes of each, 9 GB, which takes a device of 100 GB/s a tenth of a second. Bounds
+//! take longer for each item, of as many vertices and keys as there are: those are made in ranges of items.
 
 use std::collections::HashMap;
 use std::sync::Arc;
+use std::time::Duration;
 
 use bytemuck::bytes_of;
 use hdtrapeze_shaders::layout::BuildLaunch;
@@ -9,6 +16,7 @@ use hdtrapeze_shaders::stage::{BuildStage, SORT_BITS};
 use wgpu::BufferUsages as Usage;
 
 use crate::kernel::{Kernel, Kernels, Launch, record};
+use crate::pace::{Pace, Sizes, Submitted};
 use crate::{Device, GpuError};
 
 /// From launch to launch in a buffer: what every device takes as an offset.
@@ -17,9 +25,12 @@ const STRIDE: u64 = 256;
 /// Runs that are timed: two timestamps each.
 const TIMED: u32 = 256;
 
-/// Dispatches of a submission at most. Each does a bounded part of the work on one page, once for all of its items, and a
-/// watchdog looks at submissions.
-const DISPATCHES: usize = 12;
+/// Workgroups of a submission; it has a dispatch at least.
+const GROUPS: Sizes = Sizes {
+    first: 1 << 8,
+    least: 1,
+    most: 1 << 18,
+};
 
 /// A stage, and whether bounds move.
 type Permutation = (BuildStage, bool);
@@ -29,6 +40,8 @@ type Permutation = (BuildStage, bool);
 pub(crate) struct Runner {
     pub device: Arc<Device>,
     kernels: Kernels<Permutation>,
+    /// Of each stage.
+    paces: [Pace; BuildStage::ALL.len()],
 }
 
 /// A dispatch.
@@ -47,11 +60,18 @@ pub(crate) struct Clock {
 }
 
 impl Runner {
-    pub fn new(device: Arc<Device>) -> Self {
+    /// For this device, which should be at one submission no longer than `target`.
+    pub fn new(device: Arc<Device>, target: Duration) -> Self {
         Self {
             device,
             kernels: Kernels::default(),
+            paces: BuildStage::ALL.map(|_| Pace::new(target, GROUPS)),
         }
+    }
+
+    /// What a stage has submitted by now.
+    pub fn submitted(&self, stage: BuildStage) -> Submitted {
+        self.paces[stage as usize].submitted()
     }
 
     pub fn clock(&self) -> Clock {
@@ -105,17 +125,29 @@ impl Runner {
             kernel.group(device, 0, std::iter::once(launch).chain(storage))
         };
         let mut groups: HashMap<(usize, u32), wgpu::BindGroup> = HashMap::new();
-        let launch = |(step, offset): (&Step, u32)| {
-            let key = (step.set, offset);
-            let group = groups.entry(key).or_insert_with(|| group(key)).clone();
-            kernel.launch_at(device, step.entry, vec![group], step.workgroups)
-        };
-        let steps = steps.iter().zip(offsets).map(launch);
-        let steps: Vec<Launch> = steps.collect::<Result<_, _>>()?;
-        for steps in steps.chunks(DISPATCHES) {
-            let mut encoder = device.device.create_command_encoder(&Default::default());
-            record(&mut encoder, steps, clock.stamp(stage));
-            device.queue.submit([encoder.finish()]);
+        let mut flight = self.paces[stage as usize].flight(device);
+        let mut steps = steps.iter().zip(offsets).peekable();
+        while steps.peek().is_some() {
+            let most = flight.next();
+            let (mut launches, mut workgroups): (Vec<Launch>, usize) = (Vec::new(), 0);
+            while workgroups < most
+                && let Some((step, offset)) = steps.next()
+            {
+                let key = (step.set, offset);
+                let group = groups.entry(key).or_insert_with(|| group(key)).clone();
+                launches.push(kernel.launch_at(
+                    device,
+                    step.entry,
+                    vec![group],
+                    step.workgroups,
+                )?);
+                workgroups += step.workgroups as usize;
+            }
+            flight.add((launches.len(), workgroups), false, || {
+                let mut encoder = device.device.create_command_encoder(&Default::default());
+                record(&mut encoder, &launches, clock.stamp(stage));
+                Ok(device.queue.submit([encoder.finish()]))
+            })?;
         }
         device.check()
     }

@@ -12,7 +12,7 @@ use super::host::Bounded;
 use super::run::{Clock, Runner, Step, sort_steps, workgroups};
 use crate::{Device, GpuError};
 
-/// Items that are bounded in one submission: no driver's patience is tried.
+/// Items that are bounded in one dispatch.
 const BOUND_AT_ONCE: u32 = 1 << 18;
 /// Rounds of clustering, and levels that are opened, before the device is asked how far it is.
 const ROUNDS: u32 = 12;
@@ -247,24 +247,24 @@ impl Trees {
             nodes,
             &self.references,
         ];
-        for first in (0..self.forest.items).step_by(BOUND_AT_ONCE as usize) {
+        let some = |first: u32| {
             let end = self.forest.items.min(first + BOUND_AT_ONCE);
-            let launch = BuildLaunch {
-                base,
-                first,
-                end,
-                ..self.launch()
-            };
-            let step = Step {
+            Step {
                 entry: "bound",
-                launch,
+                launch: BuildLaunch {
+                    base,
+                    first,
+                    end,
+                    ..self.launch()
+                },
                 workgroups: workgroups(end - first, 64),
                 set: 0,
-            };
-            let stage = (BuildStage::Bound, self.forest.moves);
-            runner.run(clock, stage, &[step], &[&buffers])?;
-        }
-        Ok(())
+            }
+        };
+        let parts = (0..self.forest.items).step_by(BOUND_AT_ONCE as usize);
+        let steps: Vec<Step> = parts.map(some).collect();
+        let stage = (BuildStage::Bound, self.forest.moves);
+        runner.run(clock, stage, &steps, &[&buffers])
     }
 
     fn now_dropped(&self, device: &Device) -> Result<Vec<u32>, GpuError> {

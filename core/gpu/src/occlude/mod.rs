@@ -30,9 +30,9 @@ use wgpu::BufferUsages as Usage;
 
 use super::kernel::{Binding, Kernel, Kernels, rows};
 use super::order::Orderer;
-use super::pace::{Pace, Submitted};
+use super::pace::{Pace, Sizes, Submitted};
 use super::trace::{packed, unpacked};
-use super::{Device, GpuError, GpuScene, SecondaryStage};
+use super::{Device, GpuError, GpuScene, SecondaryStage, pace};
 pub use host::Before;
 
 /// Rays that are asked about at once: 50 MB of them.
@@ -119,22 +119,19 @@ pub struct Occluder {
 impl Occluder {
     /// For this device.
     pub fn new(device: Arc<Device>) -> Self {
-        Self {
-            orderer: Orderer::new(Arc::clone(&device)),
-            sites: Kernels::default(),
-            scatters: Kernels::default(),
-            occludes: Kernels::default(),
-            shares: Kernels::default(),
-            pace: Pace::default(),
-            device,
-        }
+        Self::with_target(device, pace::TARGET)
     }
 
     /// For this device, which should be at one submission no longer than `target`.
     pub fn with_target(device: Arc<Device>, target: Duration) -> Self {
         Self {
-            pace: Pace::new(target),
-            ..Self::new(device)
+            orderer: Orderer::new(Arc::clone(&device), target),
+            sites: Kernels::default(),
+            scatters: Kernels::default(),
+            occludes: Kernels::default(),
+            shares: Kernels::default(),
+            pace: Pace::new(target, Sizes::RAYS),
+            device,
         }
     }
 

@@ -3,6 +3,7 @@
 mod costs;
 mod instances;
 mod pages;
+mod parts;
 mod refit;
 mod shapes;
 #[path = "../support/mod.rs"]
@@ -110,7 +111,7 @@ fn main() {
     );
     /// A name and a test.
     type Named = (&'static str, fn(&Tracer) -> Result<(), Failed>);
-    let others: [Named; 19] = [
+    let others: [Named; 20] = [
         ("equal_boxes", shapes::equal_boxes),
         ("nested_boxes", shapes::nested_boxes),
         ("flat", shapes::flat),
@@ -121,6 +122,7 @@ fn main() {
         ("several_objects", shapes::several_objects),
         ("many_items", shapes::many_items),
         ("costs", costs::costs),
+        ("in_parts", parts::in_parts),
         ("paged", pages::paged),
         ("pages_cost_little", costs::pages_cost_little),
         ("many_instances", instances::many_instances),
