@@ -24,7 +24,7 @@ use hdtrapeze_core::scene::{
     Backend, FilterKind, Interpolation, PrimId, PrimvarDesc, PrimvarSample, PrimvarValues, Scene,
 };
 use hdtrapeze_core::trace::{Hit, Ray};
-use hdtrapeze_gpu::{Device, FirstOnDevice, FrameOptions, GpuFrame, Stages};
+use hdtrapeze_gpu::{Device, FirstOnDevice, FrameOptions, GpuError, GpuFrame, Stages};
 use images::*;
 use libtest_mimic::Failed;
 
@@ -159,6 +159,21 @@ fn edits(stages: &Arc<Stages>, pages: bool) -> Result<(), Failed> {
         }
     }
     Ok(())
+}
+
+/// Where a device has failed, what comes after a frame is not taken there, and it is said why.
+fn edits_on_a_failed_device() -> Result<(), Failed> {
+    let device = Arc::new(Device::open()?);
+    let stages = Arc::new(Stages::new(&device));
+    let [before, after] = [0.0, 0.01].map(|growth| prepared_on(&bent(growth), Backend::Gpu));
+    let frame = GpuFrame::new(Arc::clone(&stages), &before)?;
+    // No device has buffers for both.
+    let both = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::STORAGE;
+    let _ = device.buffer("nothing", 64, both);
+    match frame.after(&after) {
+        Err(error @ GpuError::Failed { .. }) if error.to_string().contains(" failed: ") => Ok(()),
+        other => Err(format!("{other:?}").into()),
+    }
 }
 
 /// What falls back to the CPU in the middle, or is never on a device, has trees there by then.
@@ -296,6 +311,8 @@ fn main() {
         let edited = move |device: &Arc<Device>| edits(&on(device), pages);
         trials.push((name.to_owned(), Box::new(edited)));
     }
+    let failed = |_: &Arc<Device>| edits_on_a_failed_device();
+    trials.push(("edits_on_a_failed_device".to_owned(), Box::new(failed)));
     let fallen_back = move |_: &Arc<Device>| the_cpu_goes_on();
     trials.push(("the_cpu_goes_on".to_owned(), Box::new(fallen_back)));
     let room = move |device: &Arc<Device>| colours_take_room(&on(device));

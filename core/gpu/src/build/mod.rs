@@ -226,6 +226,8 @@ impl GpuScene {
 pub(crate) struct Refits {
     /// Of objects.
     forests: Vec<Trees>,
+    /// Bytes of the largest array of the page.
+    most: u64,
 }
 
 /// A world laid out, and the forests whose trees are to be made.
@@ -396,7 +398,10 @@ impl Making<'_> {
         page.made = Made {
             there,
             // Refits bound on the device.
-            trees: (keep && first == FirstOnDevice::Bound).then_some(Refits { forests: trees }),
+            trees: (keep && first == FirstOnDevice::Bound).then_some(Refits {
+                forests: trees,
+                most,
+            }),
             seconds: runner.seconds(&clock)?,
         };
         Ok(page)
@@ -433,10 +438,10 @@ impl TreeBuilder {
         world: &World,
         numbers: &[InWhole],
     ) -> Result<Option<Page>, GpuError> {
-        let Some(Refits { forests }) = &mut page.made.trees else {
+        let Some(Refits { forests, most }) = &mut page.made.trees else {
             return Ok(None);
         };
-        let most = self.device().largest();
+        let most = *most;
         let mut clock = self.runner.clock();
         let mut laid = laid(world, numbers)?;
         let now = laid.forests.iter().map(|planted| &planted.forest);

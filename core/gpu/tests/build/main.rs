@@ -111,7 +111,7 @@ fn main() {
     );
     /// A name and a test.
     type Named = (&'static str, fn(&Tracer) -> Result<(), Failed>);
-    let others: [Named; 20] = [
+    let others: [Named; 22] = [
         ("equal_boxes", shapes::equal_boxes),
         ("nested_boxes", shapes::nested_boxes),
         ("flat", shapes::flat),
@@ -132,6 +132,8 @@ fn main() {
         ("refitted_instances", refit::refitted_instances),
         ("too_bad_to_refit", refit::too_bad_to_refit),
         ("not_refitted", refit::not_refitted),
+        ("refit_refused", refit::refused),
+        ("refit_failed", refit::failed),
     ];
     for (name, check) in others {
         add(name.to_owned(), Box::new(check));

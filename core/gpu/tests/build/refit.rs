@@ -1,10 +1,13 @@
 //! Trees whose vertices have moved.
 
+use std::sync::Arc;
+
 use glam::{DVec3, Vec3};
 use hdtrapeze_core::grid::DicedMesh;
 use hdtrapeze_core::trace::{InstanceTransform, World};
-use hdtrapeze_gpu::{BuildOptions, GpuScene, Tracer};
+use hdtrapeze_gpu::{BuildOptions, Device, GpuError, GpuScene, Tracer, TreeBuilder};
 use libtest_mimic::Failed;
+use wgpu::BufferUsages;
 
 use crate::support::*;
 use crate::trace_scenes::{self, *};
@@ -143,6 +146,70 @@ pub fn refitted_instances(tracer: &Tracer) -> Result<(), Failed> {
         agree(tracer, &world, &scene, 20)?;
     }
     Ok(())
+}
+
+/// What no longer fits on its page is refused in words; the scene is as it was, and can be refitted to what fits.
+pub fn refused(tracer: &Tracer) -> Result<(), Failed> {
+    let sheet = object(sheet(2, 7, &[0.0]));
+    let crowd = |count: usize, seed: u64| {
+        let mut rng = Rng(seed);
+        let mut at = || {
+            let at = rng.cube().as_dvec3();
+            instance(&sheet, spinning(3, 0.5, DVec3::splat(0.4), at))
+        };
+        World::build_later((0..count).map(|_| at()).collect(), DVec3::ZERO)
+    };
+    let few = crowd(12, 1);
+    let options = BuildOptions {
+        refits: true,
+        most: 12_000,
+        ..BuildOptions::default()
+    };
+    let mut scene = GpuScene::build(builder(tracer), &few, &options)?;
+    if scene.page_count() != 1 {
+        return Err(format!("{} pages", scene.page_count()).into());
+    }
+    // Matrices are what is uploaded last: trees are refitted by then.
+    match scene.refit(builder(tracer), &crowd(150, 2)) {
+        Err(error @ GpuError::TooLarge { .. }) if error.to_string().contains("matrices need") => {}
+        other => return Err(format!("{other:?}").into()),
+    }
+    over_instances(tracer, &few, &scene)?;
+    agree(tracer, &few, &scene, 20)?;
+    let others = crowd(14, 3);
+    if !scene.refit(builder(tracer), &others)? {
+        return Err("not refitted after that".into());
+    }
+    over_instances(tracer, &others, &scene)?;
+    agree(tracer, &others, &scene, 20)
+}
+
+/// A device that has failed says so, whenever it is asked.
+pub fn failed(_: &Tracer) -> Result<(), Failed> {
+    let device = Arc::new(Device::open()?);
+    let builder = TreeBuilder::new(Arc::clone(&device));
+    let world = world_of(sheet(3, 9, &keys(2)));
+    let options = BuildOptions {
+        refits: true,
+        ..BuildOptions::default()
+    };
+    let mut scene = GpuScene::build(&builder, &world, &options)?;
+    if !scene.refit(&builder, &world)? {
+        return Err("not refitted".into());
+    }
+    // No device has buffers for both.
+    let both = BufferUsages::MAP_READ | BufferUsages::STORAGE;
+    let _ = device.buffer("nothing", 64, both);
+    for _ in 0..2 {
+        match scene.refit(&builder, &world) {
+            Err(GpuError::Failed { name, .. }) if name == device.found().name => {}
+            other => return Err(format!("{other:?}").into()),
+        }
+    }
+    match GpuScene::build(&builder, &world, &options) {
+        Err(GpuError::Failed { .. }) => Ok(()),
+        other => Err(format!("{other:?}").into()),
+    }
 }
 
 /// Where all go elsewhere, trees over what was near are of no use: scenes are to be built anew.
