@@ -11,7 +11,7 @@ use glam::{DVec3, Vec3};
 use hdtrapeze_core::grid::DicedMesh;
 use hdtrapeze_core::trace::{Hit, InstanceTransform, Ray, TraceCounts, World, brute};
 use hdtrapeze_gpu::occlude::{Before, host};
-use hdtrapeze_gpu::{GpuScene, Occluder, Occlusion, SecondaryStage, Tracer};
+use hdtrapeze_gpu::{GpuError, GpuScene, Occluder, Occlusion, SecondaryStage, Tracer};
 use hdtrapeze_shaders::layout::{Ray as RayThere, Site};
 use libtest_mimic::Failed;
 use support::*;
@@ -558,6 +558,33 @@ fn bad_rays(tracer: &Tracer) -> Result<(), Failed> {
     }
 }
 
+/// More rays than can be numbered are refused in words, whoever would make them.
+fn too_many_rays(tracer: &Tracer) -> Result<(), Failed> {
+    let world = world_of(sheet(2, 8, &keys(2)));
+    let scene = GpuScene::new(tracer.device(), &world)?;
+    let occluder = Occluder::new(Arc::clone(tracer.device()));
+    let rays = [ray(Vec3::Z * 3.0, -Vec3::Z, 0.5); 3];
+    let there = occluder.upload(&rays)?.rays;
+    let batch = tracer.batch_of(&scene, &there, rays.len(), false, false)?;
+    tracer.run(&batch)?;
+    let met = [&there, batch.hits()];
+    let occlusion = Occlusion {
+        samples: u32::MAX,
+        ..Occlusion::default()
+    };
+    for first in [SecondaryStage::Site, SecondaryStage::Share] {
+        let before = Before {
+            first,
+            world: &world,
+        };
+        match occluder.shares_from(before, &scene, met, rays.len(), &occlusion) {
+            Err(error @ GpuError::TooLarge { .. }) if error.to_string().contains("rays need") => {}
+            other => return Err(format!("{other:?}").into()),
+        }
+    }
+    Ok(())
+}
+
 /// Rays that stand together in an order are of neighbouring hits and go one way, and those that go one way are of nearly
 /// one instant.
 fn order_follows_direction(tracer: &Tracer) -> Result<(), Failed> {
@@ -661,6 +688,7 @@ fn main() {
     }
     add("known_answers".to_owned(), Box::new(known_answers));
     add("bad_rays".to_owned(), Box::new(bad_rays));
+    add("too_many_rays".to_owned(), Box::new(too_many_rays));
     add("order".to_owned(), Box::new(order_follows_direction));
     run(checks);
 }

@@ -45,7 +45,9 @@ pub fn sites(world: &World, rays: &[Ray], hits: &[Hit]) -> Vec<Site> {
     let mut sites = vec![Site::default(); hits.len()];
     for ray in rays {
         let number = ray.number as usize;
-        sites[number] = site(world, ray, &hits[number]).unwrap_or_default();
+        if let (Some(to), Some(hit)) = (sites.get_mut(number), hits.get(number)) {
+            *to = site(world, ray, hit).unwrap_or_default();
+        }
     }
     sites
 }
@@ -216,7 +218,9 @@ pub fn occluded(world: &World, rays: &[Ray]) -> Vec<u32> {
     };
     let found: Vec<Vec<bool>> = rays.par_chunks(CHUNK).map(answer).collect();
     for (ray, found) in rays.iter().zip(found.iter().flatten()) {
-        words[ray.number as usize / 32] |= u32::from(*found) << (ray.number % 32);
+        if let Some(word) = words.get_mut(ray.number as usize / 32) {
+            *word |= u32::from(*found) << (ray.number % 32);
+        }
     }
     words
 }

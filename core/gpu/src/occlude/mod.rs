@@ -202,6 +202,7 @@ impl Occluder {
         let (mut scattered, scatter) = match here(SecondaryStage::Scatter) {
             None => self.scatter(&sites, len, occlusion, timed)?,
             Some(_) => {
+                self.ray_count(len, occlusion.samples)?;
                 let rays = host::scattered(&self.fetched(&sites, len)?, occlusion);
                 let scattered = Scattered {
                     rays: device.upload("rays", bytemuck::cast_slice(&rays))?,
@@ -308,14 +309,11 @@ impl Occluder {
         let device = &*self.device;
         device.check()?;
         let samples = occlusion.samples.max(1);
+        // First of all: a pattern of as many samples may be too large for the host, too.
+        let count = self.ray_count(len, samples)?;
         let sampler = PixelSampler::new(samples, occlusion.seed);
         let words: Vec<[u32; 5]> = (0..samples).map(|i| sampler.word(i)).collect();
         let words = device.upload("samples", bytemuck::cast_slice(&words))?;
-        let count = len.saturating_mul(samples as usize);
-        if u32::try_from(count).is_err() {
-            let bytes = count as u64 * size_of::<Ray>() as u64;
-            return Err(device.too_large("rays", bytes, device.largest()));
-        }
         let rays = self.storage("rays", count * size_of::<Ray>())?;
         let (workgroups, row) = self.size(count);
         let seed = sampler.seed();
@@ -348,6 +346,16 @@ impl Occluder {
             order: None,
         };
         Ok((scattered, seconds))
+    }
+
+    /// Rays of so many sites; they are numbered, and have to fit.
+    fn ray_count(&self, len: usize, samples: u32) -> Result<usize, GpuError> {
+        let count = len.saturating_mul(samples.max(1) as usize);
+        let bytes = (count as u64).saturating_mul(size_of::<Ray>() as u64);
+        match u32::try_from(count).is_err() || bytes > self.device.largest() {
+            true => Err(self.device.too_large("rays", bytes, self.device.largest())),
+            false => Ok(count),
+        }
     }
 
     /// Rays that are there already, each with its place as its number.
