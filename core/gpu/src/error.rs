@@ -2,14 +2,14 @@
 
 use hdtrapeze_core::trace::world::WorldError;
 
-/// Why a device cannot be used, or no longer. Each sentence stands after a name or a path.
+/// Why a device cannot be used, or no longer. Each sentence stands after a name or a path, on one line.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum GpuError {
     /// No driver, or none with a device that is asked for.
     #[error("no GPU is found: {0}")]
     NoDevice(String),
     /// The driver refused to open it.
-    #[error("{name} cannot be opened: {why}")]
+    #[error("{name} cannot be opened: {}", on_one_line(why))]
     Refused {
         /// The device's name.
         name: String,
@@ -53,7 +53,7 @@ pub enum GpuError {
         why: String,
     },
     /// A stage was rejected, or failed.
-    #[error("{name} failed: {why}")]
+    #[error("{name} failed: {}", on_one_line(why))]
     Failed {
         /// The device's name.
         name: String,
@@ -61,11 +61,32 @@ pub enum GpuError {
         why: String,
     },
     /// The device is gone.
-    #[error("{name} is lost: {why}")]
+    #[error("{name} is lost: {}", on_one_line(why))]
     Lost {
         /// The device's name.
         name: String,
         /// In the driver's words.
         why: String,
     },
+}
+
+/// What a driver says in lines, most of which tell where it was said.
+fn on_one_line(words: &str) -> String {
+    let words: Vec<&str> = words.split_whitespace().collect();
+    words.join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_of_drivers_stand_on_one_line() {
+        let (name, why) = (
+            "a GPU".to_owned(),
+            "Error\n\nCaused by:\n  a cause\n".to_owned(),
+        );
+        let failed = GpuError::Failed { name, why };
+        assert_eq!(failed.to_string(), "a GPU failed: Error Caused by: a cause");
+    }
 }

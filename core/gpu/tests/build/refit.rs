@@ -202,7 +202,13 @@ pub fn failed(_: &Tracer) -> Result<(), Failed> {
     let _ = device.buffer("nothing", 64, both);
     for _ in 0..2 {
         match scene.refit(&builder, &world) {
-            Err(GpuError::Failed { name, .. }) if name == device.found().name => {}
+            Err(error @ GpuError::Failed { .. }) => {
+                let told = error.to_string();
+                let begin = format!("{} failed: ", device.found().name);
+                if !told.starts_with(&begin) || told.lines().count() != 1 {
+                    return Err(told.into());
+                }
+            }
             other => return Err(format!("{other:?}").into()),
         }
     }
