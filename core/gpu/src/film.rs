@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use hdtrapeze_core::film::tile::PixelSums;
 use hdtrapeze_shaders::layout::Pixel;
-use hdtrapeze_shaders::stage::film_source;
+use hdtrapeze_shaders::stage::FilmPermutation;
 use wgpu::BufferUsages as Usage;
 
 use super::kernel::{Binding, Kernel, Kernels};
@@ -19,7 +19,7 @@ use super::{Device, GpuError};
 #[derive(Debug)]
 pub struct Filmer {
     device: Arc<Device>,
-    kernels: Kernels<bool>,
+    kernels: Kernels<FilmPermutation>,
 }
 
 impl Filmer {
@@ -32,17 +32,18 @@ impl Filmer {
     }
 
     /// Sums of the pixels of tiles from their samples and hits, by number: with `seen` hits are what is seen first, else what is
-    /// met first. Gives the seconds that the device took where that
-    /// is asked for and it can tell.
+    /// met first. `means` gets the sums of `values`, where these are kept, and behind those of each pixel how many of its samples
+    /// see anything. Gives the seconds that the device took where that is asked for and it can tell.
     ///
     /// # Errors
-    /// The device failed or is lost; nothing of `pixels` is then to be used.
+    /// The device failed or is lost; nothing of `pixels` and `means` is then to be used.
     pub fn film(
         &self,
         tiles: &GpuTiles,
         [samples, hits]: [&wgpu::Buffer; 2],
+        values: Option<&wgpu::Buffer>,
         seen: bool,
-        pixels: &mut [PixelSums],
+        (pixels, means): (&mut [PixelSums], &mut [f32]),
         timed: bool,
     ) -> Result<Option<f64>, GpuError> {
         let device = &*self.device;
@@ -50,7 +51,18 @@ impl Filmer {
         let sums = device.buffer("pixels", bytes, Usage::STORAGE | Usage::COPY_SRC)?;
         let groups: [&[&wgpu::Buffer]; 2] =
             [&[samples, hits, &sums], &[&tiles.tiles, &tiles.launch]];
-        let kernel = self.kernel(seen)?;
+        let mut groups = groups.to_vec();
+        let usage = Usage::STORAGE | Usage::COPY_SRC;
+        let bytes = size_of_val(means) as u64;
+        let value_sums = values.map(|_| device.buffer("sums of values", bytes.max(4), usage));
+        let value_sums = value_sums.transpose()?;
+        let both = values.zip(value_sums.as_ref()).map(<[_; 2]>::from);
+        groups.extend(both.as_ref().map(<[_; 2]>::as_slice));
+        let stride = means.len() / tiles.pixels.max(1);
+        let kernel = self.kernel(FilmPermutation {
+            seen,
+            values: values.map_or(0, |_| stride as u32 - 1),
+        })?;
         let launch = kernel.launch(device, &groups, tiles.workgroups);
         let seconds = launch.run(device, timed)?;
         let mut answers = vec![Pixel::default(); tiles.pixels];
@@ -71,16 +83,26 @@ impl Filmer {
                 hit: unpacked(&answer.hit),
             };
         }
+        if let Some(value_sums) = &value_sums {
+            device.fetch(value_sums, means)?;
+        }
         Ok(seconds)
     }
 
-    fn kernel(&self, seen: bool) -> Result<Arc<Kernel>, GpuError> {
-        self.kernels.get(seen, || {
-            let groups: [&[Binding]; 2] = [
+    fn kernel(&self, permutation: FilmPermutation) -> Result<Arc<Kernel>, GpuError> {
+        self.kernels.get(permutation, || {
+            let groups: [&[Binding]; 3] = [
                 &[Binding::Read, Binding::Read, Binding::Write],
                 &[Binding::Read, Binding::Uniform],
+                &[Binding::Read, Binding::Write],
             ];
-            Kernel::new(&self.device, "film", &film_source(seen), &groups)
+            let count = if permutation.values > 0 { 3 } else { 2 };
+            Kernel::new(
+                &self.device,
+                "film",
+                &permutation.source(),
+                &groups[..count],
+            )
         })
     }
 }

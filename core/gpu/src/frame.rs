@@ -304,7 +304,7 @@ impl GpuFrame {
         camera: &GpuCamera,
         tiles: &[TileSamples],
         made: &Made,
-        pixels: &mut [PixelSums],
+        out: (&mut [PixelSums], &mut [f32]),
     ) -> Result<(), GpuError> {
         let device = self.stages.device();
         let timed = self.seconds.is_some();
@@ -321,8 +321,12 @@ impl GpuFrame {
         });
         let samples: Vec<Sample> = samples.collect();
         let samples = device.upload("samples", bytemuck::cast_slice(&samples))?;
+        let values = (!made.values.is_empty())
+            .then(|| device.upload("values of samples", bytemuck::cast_slice(&made.values)));
+        let values = values.transpose()?;
         let filmer = &self.stages.filmer;
-        let seconds = filmer.film(tiles, [&samples, &hits], true, pixels, timed)?;
+        let there = [&samples, &hits];
+        let seconds = filmer.film(tiles, there, values.as_ref(), true, out, timed)?;
         self.took(Stage::Film, seconds);
         Ok(())
     }
@@ -334,7 +338,7 @@ impl GpuFrame {
         looks: &GpuLooks,
         tiles: &[TileSamples],
         made: &Made,
-        pixels: &mut [PixelSums],
+        out: (&mut [PixelSums], &mut [f32]),
     ) -> Result<(), GpuError> {
         let device = self.stages.device();
         let timed = self.seconds.is_some();
@@ -353,11 +357,14 @@ impl GpuFrame {
                 device.upload("rays", bytemuck::cast_slice(&rays))?
             }
         };
+        let shader = &self.stages.shader;
+        let values = shader.values(looks, tiles.rays)?;
+        let values = values.as_ref();
         if looks.permutation.layers {
-            let layers = self.composited(camera, looks, &rays, made, tiles.rays)?;
+            let layers = self.composited(camera, looks, (&rays, values), made, tiles.rays)?;
             let filmer = &self.stages.filmer;
             let seen = [&layers.samples, &layers.hits];
-            let seconds = filmer.film(tiles, seen, true, pixels, timed)?;
+            let seconds = filmer.film(tiles, seen, values, true, out, timed)?;
             self.took(Stage::Film, seconds);
             return Ok(());
         }
@@ -368,18 +375,18 @@ impl GpuFrame {
             }
             _ => self.traced(&rays, tiles.rays)?,
         };
-        let shader = &self.stages.shader;
         let (samples, seconds) = shader.shade(
             &self.scene,
             camera,
             looks,
             [&rays, &hits],
+            values,
             tiles.rays,
             timed,
         )?;
         self.took(Stage::Shade, seconds);
         let filmer = &self.stages.filmer;
-        let seconds = filmer.film(tiles, [&samples, &hits], false, pixels, timed)?;
+        let seconds = filmer.film(tiles, [&samples, &hits], values, false, out, timed)?;
         self.took(Stage::Film, seconds);
         Ok(())
     }
@@ -389,7 +396,7 @@ impl GpuFrame {
         &self,
         camera: &GpuCamera,
         looks: &GpuLooks,
-        rays: &wgpu::Buffer,
+        (rays, values): (&wgpu::Buffer, Option<&wgpu::Buffer>),
         made: &Made,
         len: usize,
     ) -> Result<Layers, GpuError> {
@@ -399,7 +406,7 @@ impl GpuFrame {
         let shade = |layer: Layer| {
             let shader = &self.stages.shader;
             let there = (rays, &layers);
-            let seconds = shader.layer(&self.scene, camera, looks, there, layer, timed)?;
+            let seconds = shader.layer(&self.scene, camera, looks, there, values, layer, timed)?;
             self.took(Stage::Shade, seconds);
             Ok(())
         };
@@ -456,13 +463,14 @@ impl RayTracer for GpuFrame {
         tiles: &[TileSamples],
         made: &Made,
         pixels: &mut [PixelSums],
+        means: &mut [f32],
     ) -> Result<(), String> {
         let (Some(camera), Ok(looks)) = (&self.camera, &self.looks) else {
             return Err("it films nothing".to_owned());
         };
         let filmed = match looks {
-            Some(looks) => self.film_tiles(camera, looks, tiles, made, pixels),
-            None => self.film_made(camera, tiles, made, pixels),
+            Some(looks) => self.film_tiles(camera, looks, tiles, made, (pixels, means)),
+            None => self.film_made(camera, tiles, made, (pixels, means)),
         };
         filmed.map_err(|error| error.to_string())
     }

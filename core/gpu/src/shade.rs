@@ -10,11 +10,12 @@ use std::sync::Arc;
 
 use hdtrapeze_core::aov::Aov;
 use hdtrapeze_core::bvh::ObjectGeometry;
+use hdtrapeze_core::film::tile::MeanValues;
 use hdtrapeze_core::render::Prepared;
 use hdtrapeze_core::shade::{Source, Values};
 use hdtrapeze_core::trace::InstanceSet;
 use hdtrapeze_shaders::layout::{Look, Sample, ShadeLaunch};
-use hdtrapeze_shaders::stage::{SHADE_WORKGROUP, ShadePermutation, TimeKind};
+use hdtrapeze_shaders::stage::{KeptValues, SHADE_WORKGROUP, ShadePermutation, TimeKind};
 use wgpu::BufferUsages as Usage;
 
 use super::kernel::{Binding, Kernel, Kernels, rows, run};
@@ -22,13 +23,18 @@ use super::layers::{Layer, Layers};
 use super::scene::Page;
 use super::{Device, GpuCamera, GpuError, GpuScene, pages};
 
-/// Storage buffers that the stage sees; one more where there are layers.
+/// Storage buffers that the stage sees; one more where there are layers, and one where values are kept.
 const BUFFERS: u32 = 11;
 
 /// Where a colour's values are: one for all, one a grid, or one a vertex.
 const CONSTANT: u32 = 0;
 const GRIDS: u32 = 1;
 const VERTICES: u32 = 2;
+
+/// Marks of a look.
+const MATTE: u32 = 1;
+const INVERTED: u32 = 2;
+const DOUBLE_SIDED: u32 = 4;
 
 /// How the instances of a scene look, on a device.
 #[derive(Debug)]
@@ -99,10 +105,30 @@ impl GpuLooks {
                 time,
                 camera_moves: camera.permutation.time == TimeKind::CameraMoves,
                 layers,
+                values: kept(prepared),
             },
             pages,
             light: prepared.irradiance() / PI,
         })
+    }
+
+    /// Floats that are kept of each ray beside its colour.
+    pub(crate) fn values(&self) -> u32 {
+        self.permutation.values.count()
+    }
+}
+
+/// What AOVs ask to be kept of each ray beside its colour.
+fn kept(prepared: &Prepared) -> KeptValues {
+    let MeanValues {
+        normal,
+        n_eye,
+        motion,
+    } = prepared.mean_values();
+    KeptValues {
+        normal,
+        n_eye,
+        motion,
     }
 }
 
@@ -110,7 +136,8 @@ impl GpuLooks {
 pub(crate) fn shaded_here(device: &Device, prepared: &Prepared) -> Option<String> {
     prepared.shaded_here().or_else(|| {
         let there = device.device.limits().max_storage_buffers_per_shader_stage;
-        let needed = BUFFERS + u32::from(prepared.plan().has_transparency());
+        let layers = u32::from(prepared.plan().has_transparency());
+        let needed = BUFFERS + layers + u32::from(kept(prepared).count() > 0);
         let few = there < needed;
         few.then(|| format!("it needs {needed} storage buffers, and the device binds {there}"))
     })
@@ -152,6 +179,16 @@ pub(crate) fn paints_of(prepared: &Prepared) -> pages::Paints {
     paints
 }
 
+/// What of a look is yes or no.
+fn marks(look: &hdtrapeze_core::render::Look<'_>) -> u32 {
+    let all = [
+        (look.matte, MATTE),
+        (look.inverted, INVERTED),
+        (look.double_sided, DOUBLE_SIDED),
+    ];
+    all.iter().filter(|(is, _)| *is).map(|(_, mark)| mark).sum()
+}
+
 /// Words of a value at all keys.
 fn words_of(source: &Source) -> usize {
     source.lanes() * source.key_times().len().max(1)
@@ -166,7 +203,22 @@ impl Shader {
         }
     }
 
-    /// Shades `len` rays that met `hits`; gives samples by their numbers, and the seconds that the device took where
+    /// A buffer for what is kept of `len` rays beside colours, [`KeptValues::count`] floats each; none where that is nothing.
+    ///
+    /// # Errors
+    /// They are more than the device takes, or it is lost.
+    pub(crate) fn values(
+        &self,
+        looks: &GpuLooks,
+        len: usize,
+    ) -> Result<Option<wgpu::Buffer>, GpuError> {
+        let bytes = (len.max(1) * size_of::<f32>()) as u64 * u64::from(looks.values());
+        let usage = Usage::STORAGE | Usage::COPY_SRC;
+        let values = (bytes > 0).then(|| self.device.buffer("values of samples", bytes, usage));
+        values.transpose()
+    }
+
+    /// Shades `len` rays that met `hits`, and fills `values`; gives samples by their numbers, and the seconds that the device took where
     /// that is asked for and it can tell.
     ///
     /// # Errors
@@ -177,6 +229,7 @@ impl Shader {
         camera: &GpuCamera,
         looks: &GpuLooks,
         [rays, hits]: [&wgpu::Buffer; 2],
+        values: Option<&wgpu::Buffer>,
         len: usize,
         timed: bool,
     ) -> Result<(wgpu::Buffer, Option<f64>), GpuError> {
@@ -185,11 +238,11 @@ impl Shader {
         let samples = device.buffer("samples", bytes, Usage::STORAGE | Usage::COPY_SRC)?;
         let buffers = [rays, hits, &samples];
         let layer = Layer::first(len);
-        let seconds = self.run(scene, camera, looks, &buffers, layer, timed)?;
+        let seconds = self.run(scene, camera, looks, (&buffers, values), layer, timed)?;
         Ok((samples, seconds))
     }
 
-    /// Takes in what rays met in a layer. Gives the seconds that the device took where that is asked for and it can tell.
+    /// Takes in what rays met in a layer, and fills `values`. Gives the seconds that the device took where that is asked for and it can tell.
     ///
     /// # Errors
     /// As [`Shader::shade`].
@@ -199,20 +252,22 @@ impl Shader {
         camera: &GpuCamera,
         looks: &GpuLooks,
         (rays, layers): (&wgpu::Buffer, &Layers),
+        values: Option<&wgpu::Buffer>,
         layer: Layer,
         timed: bool,
     ) -> Result<Option<f64>, GpuError> {
         let buffers = [rays, &layers.hits, &layers.samples, &layers.veils];
-        self.run(scene, camera, looks, &buffers, layer, timed)
+        self.run(scene, camera, looks, (&buffers, values), layer, timed)
     }
 
-    /// Runs the stage on one page after the other; `buffers` are rays, hits, samples, and veils where there are layers.
+    /// Runs the stage on one page after the other; `buffers` are rays, hits, samples, and veils where there are layers; `values` are
+    /// there where some are kept.
     fn run(
         &self,
         scene: &GpuScene,
         camera: &GpuCamera,
         looks: &GpuLooks,
-        buffers: &[&wgpu::Buffer],
+        (buffers, values): (&[&wgpu::Buffer], Option<&wgpu::Buffer>),
         layer: Layer,
         timed: bool,
     ) -> Result<Option<f64>, GpuError> {
@@ -240,6 +295,8 @@ impl Shader {
                 &[own, paints, &camera.camera, &camera.tables],
                 &batch,
             ];
+            let mut groups = groups.to_vec();
+            groups.extend(values.as_ref().map(std::slice::from_ref));
             launches.push(kernel.launch(device, &groups, workgroups));
         }
         run(device, &launches, timed)
@@ -252,7 +309,10 @@ impl Shader {
                 true => &[Read, Write, Uniform, Write, Write],
                 false => &[Read, Read, Uniform, Write],
             };
-            let groups: [&[Binding]; 3] = [&[Read; 5], &[Read, Read, Uniform, Read], batch];
+            let mut groups: Vec<&[Binding]> = vec![&[Read; 5], &[Read, Read, Uniform, Read], batch];
+            if permutation.values.count() > 0 {
+                groups.push(&[Write]);
+            }
             let source = permutation.source();
             Kernel::new(&self.device, "shade", &source, &groups)
         })
@@ -332,7 +392,7 @@ impl Paints {
         let mesh = cut.object.mesh();
         let normals = || cut.of_vertices(&mesh.normals, mesh.normal_key_count);
         Ok(Look {
-            matte: look.matte.into(),
+            marks: marks(look),
             normals: self.add((cut.address(), usize::MAX), normals)?,
             normal_keys: mesh.normal_key_count as u32,
             ..self.paint(cut, &look.color)?

@@ -30,8 +30,10 @@ use libtest_mimic::Failed;
 
 /// What the device does not shade is left to the CPU, and said.
 fn others_are_shaded_here(stages: &Arc<Stages>) -> Result<(), Failed> {
-    let mut normals = stage();
-    set(&mut normals, |s| s.aovs.push("normal".to_owned()));
+    let mut colors = stage();
+    set(&mut colors, |s| {
+        s.aovs.push("primvars:displayColor".to_owned());
+    });
     let mut rack = stage();
     shoot(&mut rack, |camera| {
         let sample = |focal_length: f64| hdtrapeze_core::scene::LensSample {
@@ -42,7 +44,7 @@ fn others_are_shaded_here(stages: &Arc<Stages>) -> Result<(), Failed> {
         camera.lens_samples = vec![sample(2.0), sample(3.0)];
     });
     for (scene, first, why) in [
-        (normals, Stage::Generate, "the AOV normal"),
+        (colors, Stage::Generate, "the AOV primvars:displayColor"),
         (rack, Stage::Trace, "lens"),
     ] {
         let prepared = prepared(&scene);
@@ -86,7 +88,9 @@ fn colours_take_room(stages: &Arc<Stages>) -> Result<(), Failed> {
     primvars.insert("displayColor".to_owned(), color);
     let there = scene(vec![painted]);
     let mut here = there.clone();
-    set(&mut here, |s| s.aovs.push("normal".to_owned()));
+    set(&mut here, |s| {
+        s.aovs.push("primvars:displayColor".to_owned());
+    });
     let pages = |scene: &Scene, first| -> Result<usize, Failed> {
         let options = FrameOptions {
             first,
@@ -186,7 +190,13 @@ fn the_cpu_goes_on() -> Result<(), Failed> {
         fn trace_tiles(&self, _: &[TileSamples], _: &mut [Hit]) -> Result<(), String> {
             Err("broken".to_owned())
         }
-        fn film(&self, _: &[TileSamples], _: &Made, _: &mut [PixelSums]) -> Result<(), String> {
+        fn film(
+            &self,
+            _: &[TileSamples],
+            _: &Made,
+            _: &mut [PixelSums],
+            _: &mut [f32],
+        ) -> Result<(), String> {
             Err("broken".to_owned())
         }
         fn trace(&self, _: &[Ray], _: &mut [Hit]) -> Result<(), String> {

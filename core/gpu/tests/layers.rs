@@ -19,18 +19,6 @@ use hdtrapeze_gpu::{Device, FirstOnDevice, GpuFrame, Stages};
 use images::*;
 use libtest_mimic::Failed;
 
-/// A prim with these opacities.
-fn veiled(mut prim: PrimDesc, opacity: PrimvarDesc) -> PrimDesc {
-    let primvars = &mut prim.common.primvars;
-    primvars.insert("displayOpacity".to_owned(), opacity);
-    prim
-}
-
-/// One opacity all over.
-fn flat(opacity: f32) -> PrimvarDesc {
-    PrimvarDesc::still(Interpolation::Constant, 1, vec![opacity], vec![])
-}
-
 /// Opacities from nothing to all, and beyond.
 fn spread(interpolation: Interpolation, count: usize) -> PrimvarDesc {
     let values = (0..count).map(|i| (i * 5 % 13) as f32 / 10.0 - 0.1);
@@ -211,10 +199,12 @@ fn what_turns_over_is_not_taken(stages: &Arc<Stages>) -> Result<(), Failed> {
 /// Where the CPU shades what the device traced, sides are passed through as well.
 fn the_cpu_shades(stages: &Arc<Stages>) -> Result<(), Failed> {
     for mut scene in [sides(Cull::Back), veiled_sides(), coincident()] {
-        set(&mut scene, |s| s.aovs.push("normal".to_owned()));
+        set(&mut scene, |s| {
+            s.aovs.push("primvars:displayColor".to_owned());
+        });
         let prepared = prepared_on(&scene, Backend::Gpu);
         let frame = GpuFrame::new(Arc::clone(stages), &prepared)?;
-        if !frame.explain().contains("the AOV normal") {
+        if !frame.explain().contains("the AOV primvars:displayColor") {
             return Err(frame.explain().into());
         }
         let there = rendered(&prepared, Some(&frame))?;

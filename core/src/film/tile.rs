@@ -50,6 +50,54 @@ pub struct PixelSums {
     pub hit: Hit,
 }
 
+/// Values of what samples see first whose sums are filmed elsewhere, for AOVs that show their means. They stand one after the
+/// other, those that are asked for, and behind their sums is how many samples see anything.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct MeanValues {
+    /// Normals.
+    pub normal: bool,
+    /// Normals in camera space.
+    pub n_eye: bool,
+    /// Raster movement; where nothing moves it is 0, and is not asked for.
+    pub motion: bool,
+}
+
+impl MeanValues {
+    /// Floats of a sample.
+    pub fn count(self) -> usize {
+        self.places().count()
+    }
+
+    /// Floats of a pixel's sums; none where no value is asked for.
+    pub fn stride(self) -> usize {
+        match self.count() {
+            0 => 0,
+            count => count + 1,
+        }
+    }
+
+    /// Where the values are among all that [`Means`] has.
+    fn places(self) -> impl Iterator<Item = usize> + use<> {
+        let all = [(self.normal, 0..3), (self.n_eye, 3..6), (self.motion, 6..8)];
+        let asked = all.into_iter().filter(|(asked, _)| *asked);
+        asked.flat_map(|(_, places)| places)
+    }
+
+    /// The values of what a sample sees first; 0 where it sees nothing.
+    pub fn of(self, first: Option<&FirstHit>) -> impl Iterator<Item = f32> + use<> {
+        let all = first.map_or([0.0; 8], FirstHit::means);
+        self.places().map(move |place| all[place])
+    }
+}
+
+impl FirstHit {
+    /// Normal, Neye and motion.
+    fn means(&self) -> [f32; 8] {
+        let ([a, b, c], [d, e, f], [g, h]) = (self.normal, self.n_eye, self.motion);
+        [a, b, c, d, e, f, g, h]
+    }
+}
+
 impl PixelSums {
     /// Of no sample.
     pub const NONE: Self = Self {
@@ -260,9 +308,8 @@ impl Tile {
             is_point = true;
         }
         if let (Some(means), Some(hit)) = (self.means.get_mut(i), &sample.first) {
-            let values = hit.normal.iter().chain(&hit.n_eye).chain(&hit.motion);
-            for (sum, v) in means.sums.iter_mut().zip(values) {
-                *sum += f64::from(*v);
+            for (sum, v) in means.sums.iter_mut().zip(hit.means()) {
+                *sum += f64::from(v);
             }
             means.hits += 1;
         }
@@ -274,8 +321,8 @@ impl Tile {
     }
 
     /// Adds samples of pixel `i` that were filmed elsewhere, the next in their order. `first` tells what the nearest of them
-    /// to the pixel's centre met, and is asked only where no sample before is nearer. Means, costs and primvars are not filmed
-    /// elsewhere.
+    /// to the pixel's centre met, and is asked only where no sample before is nearer. Costs and primvars are not filmed elsewhere;
+    /// for means see [`Tile::merge_means`].
     pub fn merge(&mut self, i: usize, sums: &PixelSums, first: impl FnOnce() -> Option<FirstHit>) {
         if let Some(sum) = self.color.get_mut(i) {
             for (sum, v) in sum.iter_mut().zip(sums.color) {
@@ -285,6 +332,17 @@ impl Tile {
         if self.is_nearest(i, sums.distance2) {
             self.set_point(i, sums.distance2, first().as_ref());
         }
+    }
+
+    /// Adds sums of `values` of samples of pixel `i` that were filmed elsewhere, and behind them how many of these see anything.
+    pub fn merge_means(&mut self, i: usize, values: MeanValues, sums: &[f32]) {
+        let (Some(means), Some((hits, sums))) = (self.means.get_mut(i), sums.split_last()) else {
+            return;
+        };
+        for (place, &sum) in values.places().zip(sums) {
+            means.sums[place] += f64::from(sum);
+        }
+        means.hits += *hits as u32;
     }
 
     /// True where a sample so far from the centre of pixel `i` becomes its point sample.

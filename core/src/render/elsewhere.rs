@@ -46,6 +46,8 @@ pub struct Made {
     pub behind: Vec<Vec<Hit>>,
     /// By `shade`: premultiplied radiance and coverage.
     pub colors: Vec<[f32; 4]>,
+    /// By `shade`: the values of [`Prepared::mean_values`](super::Prepared::mean_values), one sample's after the other's.
+    pub values: Vec<f32>,
 }
 
 /// Runs stages for the scene that is rendered.
@@ -59,8 +61,9 @@ pub trait RayTracer: Send + Sync {
     /// As [`RayTracer::trace`].
     fn trace_tiles(&self, tiles: &[TileSamples], hits: &mut [Hit]) -> Result<(), String>;
 
-    /// What the samples of each pixel of tiles add up to, one tile's after the other's; asked only where its last stage is
-    /// [`Stage::Film`].
+    /// What the samples of each pixel of tiles add up to, one tile's after the other's, and in `means` what the values of
+    /// [`Prepared::mean_values`](super::Prepared::mean_values) do, [`stride`](crate::film::tile::MeanValues::stride) floats a pixel; asked only where its last
+    /// stage is [`Stage::Film`].
     ///
     /// # Errors
     /// As [`RayTracer::trace`].
@@ -69,6 +72,7 @@ pub trait RayTracer: Send + Sync {
         tiles: &[TileSamples],
         made: &Made,
         pixels: &mut [PixelSums],
+        means: &mut [f32],
     ) -> Result<(), String>;
 
     /// The nearest hit of each ray, as [`World::next`](crate::trace::World::next) gives it where sides that are culled are not
@@ -209,21 +213,27 @@ impl<'a> Elsewhere<'a> {
         let pixels_of = |samples: &TileSamples| (samples.width * samples.height) as usize;
         let made = integrator.make(&samples, *self.tracer.stages().start());
         let mut pixels = vec![PixelSums::NONE; samples.iter().map(pixels_of).sum()];
-        if let Err(why) = self.tracer.film(&samples, &made, &mut pixels) {
+        let stride = integrator.mean_values().stride();
+        let mut means = vec![0.0; pixels.len() * stride];
+        let filmed = self.tracer.film(&samples, &made, &mut pixels, &mut means);
+        if let Err(why) = filmed {
             self.fail(why);
             return TraceCounts::default();
         }
-        let mut rest = &pixels[..];
+        let mut rest = (&pixels[..], &means[..]);
         let work = tiles.iter().zip(&samples).map(|(&i, samples)| {
-            let (own, others) = rest.split_at(pixels_of(samples));
-            rest = others;
-            (i, samples.samples.len(), own)
+            let count = pixels_of(samples);
+            let (own, others) = rest.0.split_at(count);
+            let (own_means, other_means) = rest.1.split_at(count * stride);
+            rest = (others, other_means);
+            (i, samples.samples.len(), own, own_means)
         });
         let work: Vec<_> = work.collect();
         work.into_par_iter()
-            .map(|(i, added, pixels)| {
+            .map(|(i, added, pixels, means)| {
                 let mut counts = TraceCounts::default();
-                integrator.merge_tile(&mut frame.tile(i), target, pixels, &mut counts);
+                let tile = &mut frame.tile(i);
+                integrator.merge_tile(tile, target, pixels, means, &mut counts);
                 done(added as u32);
                 counts
             })

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use super::elsewhere::{Made, Stage};
 use super::generate::{Generator, Job, TileSamples};
 use super::prepared::Prepared;
-use crate::film::tile::{FirstHit, Keeps, PixelSums, PrimvarSample, Sample, Tile};
+use crate::film::tile::{FirstHit, Keeps, MeanValues, PixelSums, PrimvarSample, Sample, Tile};
 use crate::shade::{ChannelAccess, camera_lit};
 use crate::trace::packet::PACKET;
 use crate::trace::{Hit, Ray, TraceCounts};
@@ -83,6 +83,11 @@ impl<'a> Integrator<'a> {
         tile.samples = target;
     }
 
+    /// See [`Prepared::mean_values`].
+    pub fn mean_values(&self) -> MeanValues {
+        self.prepared.mean_values()
+    }
+
     /// Draws the rays that [`Self::fill`] traces, in its order.
     pub fn generator(&self) -> &Generator<'a> {
         &self.generator
@@ -136,14 +141,20 @@ impl<'a> Integrator<'a> {
         tile: &mut Tile,
         target: u32,
         pixels: &[PixelSums],
+        means: &[f32],
         counts: &mut TraceCounts,
     ) {
+        let values = self.mean_values();
+        let mut means = means.chunks_exact(values.stride().max(1));
         for (i, sums) in pixels.iter().enumerate() {
             tile.merge(i, sums, || {
                 sums.hit
                     .is_hit()
                     .then(|| self.point_hit(&sums.hit, sums.time))
             });
+            if let Some(means) = means.next() {
+                tile.merge_means(i, values, means);
+            }
         }
         counts.rays += pixels.len() as u64 * u64::from(target.saturating_sub(tile.samples));
         tile.samples = target;
@@ -182,28 +193,32 @@ impl<'a> Integrator<'a> {
             Stage::Film => {
                 let shade = |(job, hit): (&Job, &Hit)| {
                     let mut seen = Hit::MISS;
-                    let color = self.composite(job, hit, |hit, is_seen| {
+                    let sample = self.composite(job, hit, |hit, is_seen| {
                         if is_seen {
                             seen = *hit;
                         }
                     });
-                    (color, seen)
+                    (sample, seen)
                 };
-                (made.colors, made.hits) = rays.map(shade).unzip();
+                let samples: Vec<Sample>;
+                (samples, made.hits) = rays.map(shade).unzip();
+                made.colors = samples.iter().map(|sample| sample.color).collect();
+                let values = self.mean_values();
+                let of = |sample: &Sample| values.of(sample.first.as_ref());
+                made.values = samples.iter().flat_map(of).collect();
             }
             _ => {}
         }
         made
     }
 
-    /// Radiance and coverage of what a job sees, whose first hit this is; `met` as [`Self::shade`] has it.
-    fn composite(&self, job: &Job, first: &Hit, met: impl FnMut(&Hit, bool)) -> [f32; 4] {
+    /// What a job sees, whose first hit this is; `met` as [`Self::shade`] has it.
+    fn composite(&self, job: &Job, first: &Hit, met: impl FnMut(&Hit, bool)) -> Sample {
         let (mut counts, mut none) = (TraceCounts::default(), PrimvarSample::default());
-        let sample = match self.prepared.plan.has_culling() {
+        match self.prepared.plan.has_culling() {
             false => self.shade::<true, false>(job, first, &mut counts, &mut none, met),
             true => self.shade::<true, true>(job, first, &mut counts, &mut none, met),
-        };
-        sample.color
+        }
     }
 
     /// Shades and films what was traced, in the order of samples: sums have the same bits whatever was traced

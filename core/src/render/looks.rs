@@ -1,15 +1,20 @@
 //! How instances look, for those that shade elsewhere: on a GPU.
 
-use super::prepared::Prepared;
+use super::prepared::{Prepared, SetEntry};
 use crate::aov::Aov;
+use crate::film::tile::MeanValues;
 use crate::shade::{Source, Values, camera_light_irradiance};
-use crate::trace::Hit;
+use crate::trace::{Hit, Winding};
 
 /// How one instance looks.
 #[derive(Clone, Copy, Debug)]
 pub struct Look<'a> {
     /// See [`crate::scene::PrimCommon::matte`].
     pub matte: bool,
+    /// See [`crate::scene::PrimCommon::double_sided`].
+    pub double_sided: bool,
+    /// The front of its surfaces is the back of its lattices: normals of these point there.
+    pub inverted: bool,
     /// Its colour.
     pub color: Paint<'a>,
     /// Its opacity; nothing where it is opaque all over.
@@ -31,14 +36,24 @@ impl Prepared {
         if self.camera.lens_changes() {
             return Some("the lens changes while the shutter is open".to_owned());
         }
-        let is_here = |aov: &&Aov| {
-            matches!(
-                aov,
-                Aov::Normal | Aov::Neye | Aov::MotionVectors | Aov::Primvar(_)
-            )
-        };
-        let aov = self.aovs.iter().find(is_here);
-        aov.map(|aov| format!("the AOV {} is asked for", aov.name()))
+        let is_here = |aov: &&Aov| matches!(aov, Aov::Primvar(_));
+        if let Some(aov) = self.aovs.iter().find(is_here) {
+            return Some(format!("the AOV {} is asked for", aov.name()));
+        }
+        let values = self.mean_values();
+        let turns = |entry: &SetEntry| matches!(entry.facets, Winding::Changes(_));
+        let turned = (values.normal || values.n_eye) && self.sets.iter().any(turns);
+        turned.then(|| "normals turn over while the shutter is open".to_owned())
+    }
+
+    /// Which values are summed up beside colours where samples are filmed elsewhere.
+    pub fn mean_values(&self) -> MeanValues {
+        let asks = |aov: Aov| self.aovs.contains(&aov);
+        MeanValues {
+            normal: asks(Aov::Normal),
+            n_eye: asks(Aov::Neye),
+            motion: asks(Aov::MotionVectors) && self.plan.has_time(),
+        }
     }
 
     /// How instance number `instance` of the world looks.
@@ -47,7 +62,7 @@ impl Prepared {
             instance,
             ..Hit::MISS
         };
-        let (_, prim) = self.hit_prim(&hit);
+        let (entry, prim) = self.hit_prim(&hit);
         let paint = |source| {
             let item = match Source::values(source) {
                 Values::Instance(level, _) => self.instance(&hit, *level),
@@ -57,6 +72,8 @@ impl Prepared {
         };
         Look {
             matte: prim.matte,
+            double_sided: prim.double_sided,
+            inverted: entry.facets.is_inverted(0.0),
             color: paint(&prim.shading.color),
             opacity: prim.shading.opacity.as_deref().map(paint),
         }

@@ -34,7 +34,13 @@ impl RayTracer for Lost {
     fn trace_tiles(&self, _: &[TileSamples], _: &mut [Hit]) -> Result<(), String> {
         Err("it is lost".to_owned())
     }
-    fn film(&self, _: &[TileSamples], _: &Made, _: &mut [PixelSums]) -> Result<(), String> {
+    fn film(
+        &self,
+        _: &[TileSamples],
+        _: &Made,
+        _: &mut [PixelSums],
+        _: &mut [f32],
+    ) -> Result<(), String> {
         Err("it is lost".to_owned())
     }
     fn trace(&self, _: &[Ray], _: &mut [Hit]) -> Result<(), String> {

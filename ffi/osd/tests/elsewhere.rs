@@ -34,10 +34,13 @@ impl RayTracer for Standin<'_> {
         tiles: &[TileSamples],
         made: &Made,
         pixels: &mut [PixelSums],
+        means: &mut [f32],
     ) -> Result<(), String> {
         if self.calls.fetch_add(1, Ordering::Relaxed) >= self.fails {
             return Err("it is lost".to_owned());
         }
+        let values = self.prepared.mean_values();
+        let (count, stride) = (values.count(), values.stride());
         let generator = Generator::new(self.prepared);
         let (mut ray, mut pixel) = (0, 0);
         for tile in tiles {
@@ -55,6 +58,13 @@ impl RayTracer for Standin<'_> {
                     sums.distance2 = job.distance2;
                     sums.time = job.ray.time;
                     sums.hit = made.hits[ray];
+                }
+                if made.hits[ray].is_hit() && count > 0 {
+                    let own = &made.values[ray * count..][..count];
+                    let sums = &mut means[(pixel + slot) * stride..][..stride];
+                    for (sum, value) in sums.iter_mut().zip(own.iter().chain([&1.0])) {
+                        *sum += value;
+                    }
                 }
                 ray += 1;
             }
@@ -164,7 +174,9 @@ fn same_but_for_rounding(a: &Frame, b: &Frame) -> bool {
     };
     let (a, b) = (bits(a), bits(b));
     a.iter().zip(&b).all(|((name, a), (_, b))| match &name[..] {
-        "color" => a.len() == b.len() && a.iter().zip(b).all(|(a, b)| same(a, b)),
+        "color" | "normal" | "Neye" | "motionVectors" => {
+            a.len() == b.len() && a.iter().zip(b).all(|(a, b)| same(a, b))
+        }
         _ => a == b,
     })
 }
@@ -180,6 +192,8 @@ fn pixels_that_are_summed_elsewhere_are_taken_up() {
         "elementId",
         "subsetId",
         "sampleCount",
+        "motionVectors",
+        "Neye",
     ];
     Arc::make_mut(&mut glass.settings).aovs = aovs.map(str::to_owned).to_vec();
     let mut opaque = glass.clone();
@@ -188,9 +202,12 @@ fn pixels_that_are_summed_elsewhere_are_taken_up() {
     }
     let mut culled = glass.clone();
     Arc::make_mut(&mut culled.settings).cull = Cull::Back;
+    let mut normals = glass.clone();
+    Arc::make_mut(&mut normals.settings).aovs = vec!["normal".to_owned()];
     for (stage, failures) in [
         (opaque, &[0, 2, 3, u32::MAX][..]),
         (glass, &[2, u32::MAX]),
+        (normals, &[3, u32::MAX]),
         (culled, &[u32::MAX]),
     ] {
         let prepared = prepared(&stage, None);
@@ -211,8 +228,10 @@ fn pixels_that_are_summed_elsewhere_are_taken_up() {
 #[test]
 fn what_is_shaded_here_is_said() {
     let mut stage = stage();
+    let asked = "primvars:st".to_owned();
+    Arc::make_mut(&mut stage.settings).aovs.push(asked);
     let why = prepared(&stage, None).shaded_here();
-    assert_eq!(why.as_deref(), Some("the AOV normal is asked for"));
+    assert_eq!(why.as_deref(), Some("the AOV primvars:st is asked for"));
     Arc::make_mut(&mut stage.settings).aovs = vec!["color".to_owned()];
     assert_eq!(prepared(&stage, None).shaded_here(), None);
 }

@@ -175,7 +175,7 @@ fn rust_layouts() -> Vec<Layout> {
             first_sample
         }),
         rust_layout!(Look {
-            matte,
+            marks,
             kind,
             paint,
             stride,

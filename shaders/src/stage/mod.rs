@@ -8,10 +8,12 @@ mod shade;
 mod trace;
 
 pub use build::{BuildStage, EntryPoint, SORT_BITS, SORT_TILE};
-pub use film::film_source;
+pub use film::FilmPermutation;
 pub use generate::{GeneratePermutation, LensKind, TILE_SQUARE, TimeKind};
 pub use scatter::{SCATTER_WORKGROUP, order_source, scatter_source, share_source, site_source};
-pub use shade::{LEAST_TRANSMITTANCE, MAX_LAYERS, SHADE_WORKGROUP, ShadePermutation, VEILS_AT};
+pub use shade::{
+    KeptValues, LEAST_TRANSMITTANCE, MAX_LAYERS, SHADE_WORKGROUP, ShadePermutation, VEILS_AT,
+};
 pub use trace::{OccludePermutation, STACKS, TRACE_WORKGROUP, Told, TracePermutation, VISITS};
 
 /// How a stage sees a buffer.

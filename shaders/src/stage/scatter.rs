@@ -12,6 +12,7 @@ pub fn site_source(time: bool) -> String {
         include_str!("../wgsl/keys.wgsl"),
         include_str!("../wgsl/facet.wgsl"),
         include_str!("../wgsl/place.wgsl"),
+        include_str!("../wgsl/placed.wgsl"),
         include_str!("../wgsl/site.wgsl"),
     ]
     .concat()

@@ -11,6 +11,57 @@ pub struct ShadePermutation {
     pub camera_moves: bool,
     /// Something is not opaque: what rays meet is taken in layer by layer.
     pub layers: bool,
+    /// What is kept beside colours.
+    pub values: KeptValues,
+}
+
+/// Values of what rays see first that are kept, whose means AOVs show.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct KeptValues {
+    /// Normals.
+    pub normal: bool,
+    /// Normals in camera space.
+    pub n_eye: bool,
+    /// Where things go in the image.
+    pub motion: bool,
+}
+
+impl KeptValues {
+    /// All there are.
+    pub fn all() -> impl Iterator<Item = Self> {
+        (0..8).map(|i| Self {
+            normal: i & 1 != 0,
+            n_eye: i & 2 != 0,
+            motion: i & 4 != 0,
+        })
+    }
+
+    /// Floats of a ray.
+    pub fn count(self) -> u32 {
+        3 * u32::from(self.normal) + 3 * u32::from(self.n_eye) + 2 * u32::from(self.motion)
+    }
+
+    /// The WGSL of `keep`, and of what it needs.
+    fn source(self) -> String {
+        if self.count() == 0 {
+            return include_str!("../wgsl/keep_none.wgsl").to_owned();
+        }
+        let fixed = format!(
+            "const VALUES: u32 = {}u;\nconst NORMAL: bool = {};\nconst NEYE: bool = {};\nconst MOTION: bool = {};\n",
+            self.count(),
+            self.normal,
+            self.n_eye,
+            self.motion
+        );
+        let motion: &[&str] = match self.motion {
+            true => &[
+                include_str!("../wgsl/placed.wgsl"),
+                include_str!("../wgsl/motion.wgsl"),
+            ],
+            false => &[include_str!("../wgsl/motion_none.wgsl")],
+        };
+        fixed + &motion.concat() + include_str!("../wgsl/keep_values.wgsl")
+    }
 }
 
 /// Transmittance below which what lies behind cannot be seen.
@@ -28,19 +79,25 @@ pub const SHADE_WORKGROUP: u32 = 64;
 impl ShadePermutation {
     /// All there are.
     pub fn all() -> impl Iterator<Item = Self> {
-        (0..16).map(|i| Self {
-            color: i & 1 != 0,
-            time: i & 2 != 0,
-            camera_moves: i & 4 != 0,
-            layers: i & 8 != 0,
+        KeptValues::all().flat_map(|values| {
+            (0..16).map(move |i| Self {
+                color: i & 1 != 0,
+                time: i & 2 != 0,
+                camera_moves: i & 4 != 0,
+                layers: i & 8 != 0,
+                values,
+            })
         })
     }
 
     /// The WGSL of the stage; its entry point is `shade`.
     pub fn source(self) -> String {
         let fixed = format!(
-            "const COLOR: bool = {};\nconst TIME: bool = {};\nconst MOVES: bool = {};\n",
-            self.color, self.time, self.camera_moves
+            "const COLOR: bool = {};\nconst TIME: bool = {};\nconst MOVES: bool = {};\nconst NORMALS: bool = {};\n",
+            self.color,
+            self.time,
+            self.camera_moves,
+            self.values.normal || self.values.n_eye,
         );
         [
             fixed.as_str(),
@@ -51,6 +108,7 @@ impl ShadePermutation {
             include_str!("../wgsl/circle.wgsl"),
             include_str!("../wgsl/pose.wgsl"),
             include_str!("../wgsl/shade.wgsl"),
+            &self.values.source(),
             &self.main(),
         ]
         .concat()
@@ -89,8 +147,18 @@ mod tests {
             for word in ["veils", "hit_place"] {
                 assert_eq!(code(&source).contains(word), permutation.layers, "{word}");
             }
+            let kept = permutation.values;
+            for (word, asked) in [
+                ("values", kept.count() > 0),
+                ("projected", kept.motion),
+                ("placed", kept.motion),
+                ("DOUBLE_SIDED", kept.count() > 0),
+            ] {
+                assert_eq!(code(&source).contains(word), asked, "{word}");
+            }
             let buffers = bindings(&source).len();
-            assert_eq!(buffers, 13 + usize::from(permutation.layers));
+            let more = usize::from(permutation.layers) + usize::from(kept.count() > 0);
+            assert_eq!(buffers, 13 + more);
         }
     }
 

@@ -76,21 +76,3 @@ fn facet_normal(object: Object, cell: Cell, hit: Hit, time: f32) -> vec3<f32> {
     }
     return unit_or_zero(cross(unit_or_zero(middle), unit_or_zero(vertex_at(object, cell, cell.corners.w, place) - a)));
 }
-
-// A normal, from the object's space to the world's; any length.
-fn carried_normal(instance: Instance, n: vec3<f32>, time: f32) -> vec3<f32> {
-    let at = instance.matrices;
-    if instance.key_count == 0u {
-        return n;
-    }
-    if !TIME || instance.key_count == 1u {
-        // Columns of the inverse.
-        return vec3<f32>(dot(matrices[at].xyz, n), dot(matrices[at + 1u].xyz, n), dot(matrices[at + 2u].xyz, n));
-    }
-    let place = locate(instance.key_times, instance.key_count, time);
-    let a = at + 3u * place.key;
-    let x = mix(matrices[a].xyz, matrices[a + 3u].xyz, place.fraction);
-    let y = mix(matrices[a + 1u].xyz, matrices[a + 4u].xyz, place.fraction);
-    let z = mix(matrices[a + 2u].xyz, matrices[a + 5u].xyz, place.fraction);
-    return cross(y, z) * n.x + cross(z, x) * n.y + cross(x, y) * n.z;
-}

@@ -18,19 +18,23 @@ fn film(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
     }
     let own = tiles[pixel.tile];
     var color = vec4<f32>(0.0);
+    var means: Means;
     var out: Pixel;
     out.distance2 = FAR;
     out.hit.instance = NONE;
     for (var i = 0u; i < own.count; i += 1u) {
         let number = pixel.first_ray + i * pixel.step;
         let sample = samples[number];
+        let hit = hits[number];
+        let sees = hit.instance != NONE && is_seen(sample);
+        take_in(&means, number, sees);
         color += sample.weight * sample.color;
         out.weight += sample.weight;
         if sample.distance2 < out.distance2 {
             out.distance2 = sample.distance2;
             out.time = sample.time;
-            out.hit = hits[number];
-            if !is_seen(sample) {
+            out.hit = hit;
+            if !sees {
                 out.hit.instance = NONE;
             }
         }
@@ -39,5 +43,7 @@ fn film(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
     out.green = color.y;
     out.blue = color.z;
     out.alpha = color.w;
-    pixels[own.first_pixel + pixel.y * own.width + pixel.x] = out;
+    let place = own.first_pixel + pixel.y * own.width + pixel.x;
+    pixels[place] = out;
+    put(&means, place);
 }

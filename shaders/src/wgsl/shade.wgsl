@@ -1,10 +1,11 @@
-// What hits give; the twin of core's trace/shading.rs and shade. shade_first.wgsl and shade_layers.wgsl use it.
+// What hits give; the twin of core's trace/shading.rs and shade. shade_first.wgsl and shade_layers.wgsl use it, and what is kept
+// beside colours.
 //
 // A surface is lit by the light that rides on the camera: its colour times how much its normal looks along the axis of
 // view, from either side.
 
-// The permutation fixes COLOR (colours are asked for, else only what is covered), TIME (something moves) and MOVES (the
-// camera does).
+// The permutation fixes COLOR (colours are asked for, else only what is covered), TIME (something moves), MOVES (the
+// camera does) and NORMALS (these are kept, in whatever space).
 
 @group(1) @binding(0) var<storage, read> looks: array<Look>;
 @group(1) @binding(1) var<storage, read> paints: array<u32>;
@@ -20,6 +21,8 @@ const NONE: u32 = 0xffffffffu;
 // Where the value of a colour, or an opacity, is: one for all, one a grid, one a vertex.
 const CONSTANT: u32 = 0u;
 const GRIDS: u32 = 1u;
+// Marks of a look.
+const MATTE: u32 = 1u;
 
 // A unit vector from 16 bits a coordinate: core's octahedral.
 fn decoded(bits: u32) -> vec3<f32> {
@@ -50,10 +53,49 @@ fn smooth_normal(object: Object, look: Look, cell: Cell, time: f32) -> vec3<f32>
     return sum;
 }
 
-// How much of a unit normal is along the axis of view.
-fn facing(n: vec3<f32>, time: f32) -> f32 {
+// A normal, from the object's space to the world's; any length. Where NORMALS
+// are asked for fronts stay in front, also where a matrix mirrors that moves.
+fn carried_normal(instance: Instance, n: vec3<f32>, time: f32) -> vec3<f32> {
+    let at = instance.matrices;
+    if instance.key_count == 0u {
+        return n;
+    }
+    if !TIME || instance.key_count == 1u {
+        // Columns of the inverse.
+        return vec3<f32>(dot(matrices[at].xyz, n), dot(matrices[at + 1u].xyz, n), dot(matrices[at + 2u].xyz, n));
+    }
+    let place = locate(instance.key_times, instance.key_count, time);
+    let a = at + 3u * place.key;
+    let x = mix(matrices[a].xyz, matrices[a + 3u].xyz, place.fraction);
+    let y = mix(matrices[a + 1u].xyz, matrices[a + 4u].xyz, place.fraction);
+    let z = mix(matrices[a + 2u].xyz, matrices[a + 5u].xyz, place.fraction);
+    let carried = cross(y, z) * n.x + cross(z, x) * n.y + cross(x, y) * n.z;
+    if NORMALS && dot(x, cross(y, z)) < 0.0 {
+        return -carried;
+    }
+    return carried;
+}
+
+// Of unit length, in the direction of dP/du x dP/dv of the lattice.
+fn geometric_normal(ray: Ray, hit: Hit, instance: Instance, object: Object, cell: Cell) -> vec3<f32> {
+    return unit_or_zero(carried_normal(instance, facet_normal(object, cell, hit, ray.time), ray.time));
+}
+
+// Of unit length; the geometric one where there are no others, or where these cancel.
+fn shading_normal(ray: Ray, hit: Hit, look: Look, instance: Instance, object: Object, cell: Cell) -> vec3<f32> {
+    if look.normal_keys != 0u {
+        let n = unit_or_zero(carried_normal(instance, smooth_normal(object, look, cell, ray.time), ray.time));
+        if any(n != vec3<f32>(0.0)) {
+            return n;
+        }
+    }
+    return geometric_normal(ray, hit, instance, object, cell);
+}
+
+// A normal as the camera sees it, of unit length.
+fn to_camera(n: vec3<f32>, time: f32) -> vec3<f32> {
     let pose = pose_at(time);
-    return abs(unit_or_zero(vec3<f32>(dot(pose.x, n), dot(pose.y, n), dot(pose.z, n))).z);
+    return unit_or_zero(vec3<f32>(dot(pose.x, n), dot(pose.y, n), dot(pose.z, n)));
 }
 
 // The value at a key.
@@ -93,15 +135,8 @@ fn painted(look: Look, cell: Cell, time: f32) -> vec3<f32> {
     return at + (paint_at(look, cell, key + 1u) - at) * fraction;
 }
 
-// Radiance of a hit on this instance.
-fn radiance(ray: Ray, hit: Hit, look: Look, instance: Instance, object: Object, cell: Cell) -> vec3<f32> {
-    var n = vec3<f32>(0.0);
-    if look.normal_keys != 0u {
-        n = unit_or_zero(carried_normal(instance, smooth_normal(object, look, cell, ray.time), ray.time));
-    }
-    if all(n == vec3<f32>(0.0)) {
-        n = unit_or_zero(carried_normal(instance, facet_normal(object, cell, hit, ray.time), ray.time));
-    }
-    let light = launch.light * facing(n, ray.time);
-    return painted(look, cell, ray.time) * light;
+// Radiance of a surface that has this normal.
+fn radiance(look: Look, cell: Cell, n: vec3<f32>, time: f32) -> vec3<f32> {
+    let light = launch.light * abs(to_camera(n, time).z);
+    return painted(look, cell, time) * light;
 }

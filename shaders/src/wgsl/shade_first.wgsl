@@ -8,16 +8,21 @@
 // Colour and alpha of a first hit on this instance.
 fn surface(ray: Ray, hit: Hit, number: u32) -> vec4<f32> {
     let look = looks[number];
-    if look.matte != 0u {
+    if (look.marks & MATTE) != 0u {
         return vec4<f32>(0.0);
     }
-    if !COLOR {
+    if !COLOR && !KEEPS {
         return vec4<f32>(0.0, 0.0, 0.0, 1.0);
     }
     let instance = instances[number];
     let object = objects[instance.object];
     let cell = cell_of(object, hit);
-    return vec4<f32>(radiance(ray, hit, look, instance, object, cell), 1.0);
+    let n = shading_normal(ray, hit, look, instance, object, cell);
+    keep(ray, hit, look, instance, object, cell, n);
+    if !COLOR {
+        return vec4<f32>(0.0, 0.0, 0.0, 1.0);
+    }
+    return vec4<f32>(radiance(look, cell, n, ray.time), 1.0);
 }
 
 @compute @workgroup_size(64)

@@ -51,14 +51,21 @@ fn shade(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_inde
         }
         var held_out = veils.each[ray.number].held_out;
         var color = samples[ray.number].color;
-        if look.matte != 0u {
+        if (look.marks & MATTE) != 0u {
             held_out += before - after;
         } else {
-            if veils.each[ray.number].seen == 0u {
+            let is_first = veils.each[ray.number].seen == 0u;
+            if is_first {
                 hits[ray.number] = found;
             }
-            if COLOR {
-                color += vec4<f32>(radiance(ray, hit, look, instance, object, cell) * (opacity * before), 0.0);
+            if COLOR || (KEEPS && is_first) {
+                let n = shading_normal(ray, hit, look, instance, object, cell);
+                if is_first {
+                    keep(ray, hit, look, instance, object, cell, n);
+                }
+                if COLOR {
+                    color += vec4<f32>(radiance(look, cell, n, ray.time) * (opacity * before), 0.0);
+                }
             }
         }
         color.w = max(1.0 - after - held_out, 0.0);

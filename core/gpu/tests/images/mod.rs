@@ -29,6 +29,8 @@ pub const INSTANCER: PrimId = PrimId(2000);
 pub const DIFFERENT: f64 = 0.002;
 /// Colours and places are off by no more elsewhere, in parts of themselves or of 1.
 pub const CLOSE: f32 = 1.0e-5;
+/// Pixels that motion is off by: where a thing is in the image is off by some 16 roundings of the image's width, 70.
+pub const MOVED: f32 = 16.0 * 70.0 / 16_777_216.0;
 /// The same where the CPU has shaded: sums of as many samples are rounded.
 pub const SUMMED: f32 = 2.0e-6;
 
@@ -201,6 +203,18 @@ pub fn shoot(scene: &mut Scene, change: impl FnOnce(&mut CameraDesc)) {
     change(Arc::make_mut(camera));
 }
 
+/// A prim with these opacities.
+pub fn veiled(mut prim: PrimDesc, opacity: PrimvarDesc) -> PrimDesc {
+    let primvars = &mut prim.common.primvars;
+    primvars.insert("displayOpacity".to_owned(), opacity);
+    prim
+}
+
+/// One opacity all over.
+pub fn flat(opacity: f32) -> PrimvarDesc {
+    PrimvarDesc::still(Interpolation::Constant, 1, vec![opacity], vec![])
+}
+
 /// What stands still.
 pub fn stage() -> Scene {
     scene(vec![
@@ -284,6 +298,21 @@ pub fn instanced(moving: bool) -> Scene {
     let color = still(Interpolation::Varying, count);
     instancer.primvars.insert("displayColor".to_owned(), color);
     scene.instancers.insert(INSTANCER, Arc::new(instancer));
+    scene
+}
+
+/// The AOVs that show means of what is seen first.
+pub const MEANS: [Aov; 3] = [Aov::Normal, Aov::Neye, Aov::MotionVectors];
+
+/// The AOVs that are sums over samples.
+pub const SUMS: [Aov; 4] = [Aov::Color, Aov::Normal, Aov::Neye, Aov::MotionVectors];
+
+/// The same with these AOVs beside the others.
+pub fn with_means(mut scene: Scene) -> Scene {
+    set(&mut scene, |settings| {
+        let names = MEANS.iter().map(|aov| aov.name().to_owned());
+        settings.aovs.extend(names);
+    });
     scene
 }
 
@@ -405,9 +434,11 @@ pub fn as_on_the_cpu(
         // Where the CPU has traced, ids and places are its own.
         let (few, close) = match (first.of_samples(), aov) {
             (_, Aov::SampleCount) => (0, 0.0),
-            (Stage::Film, Aov::Color) => (0, SUMMED),
-            (Stage::Shade, Aov::Color) => (0, CLOSE),
+            (Stage::Film, aov) if SUMS.contains(aov) => (0, SUMMED),
+            (Stage::Shade, Aov::MotionVectors) => (0, MOVED),
+            (Stage::Shade, aov) if SUMS.contains(aov) => (0, CLOSE),
             (Stage::Film | Stage::Shade, _) => (0, 0.0),
+            (_, Aov::MotionVectors) => (few, MOVED),
             _ => (few, CLOSE),
         };
         let bad = different(&there, &here, aov, close)?;

@@ -1,0 +1,211 @@
+//! Normals, and where things go in the image, against the CPU's; as `frame.rs` has it for the rest.
+
+#[path = "../../tests/support/mod.rs"]
+mod support;
+
+mod device;
+mod images;
+
+use std::sync::{Arc, OnceLock};
+
+use device::Check;
+use glam::{DMat4, DVec3, Quat, Vec3};
+use hdtrapeze_core::aov::{Aov, AovData};
+use hdtrapeze_core::render::{RayTracer, Stage};
+use hdtrapeze_core::scene::{Backend, Interpolation, PrimDesc, PrimId, Projection, Samples, Scene};
+use hdtrapeze_gpu::{Device, FirstOnDevice, GpuFrame, Stages};
+use images::*;
+use libtest_mimic::Failed;
+
+/// A prim whose places are carried on.
+fn carried(mut prim: PrimDesc, by: DMat4) -> PrimDesc {
+    for samples in &mut prim.common.transform {
+        for matrix in &mut samples.matrices {
+            *matrix = by * *matrix;
+        }
+    }
+    prim
+}
+
+/// Sheets that show one side or the other, of one side or of two; some are mirrored, and some turn while the shutter is open.
+fn sides() -> Scene {
+    let mut prims = Vec::new();
+    for i in 0..8 {
+        let mut prim = sheet(&format!("/sheet{i}"), &[0.0], Interpolation::Uniform);
+        let place = DVec3::new(
+            f64::from(i % 4) * 1.7 - 2.2,
+            f64::from(i / 4) * 2.2 - 1.0,
+            0.0,
+        );
+        let turn = 0.4 + 2.7 * f64::from(i % 2);
+        let mirror = DVec3::new(if i & 2 != 0 { -0.25 } else { 0.25 }, 0.3, 0.25);
+        let placed = |turn: f64| {
+            DMat4::from_translation(place)
+                * DMat4::from_rotation_y(turn)
+                * DMat4::from_scale(mirror)
+        };
+        prim.common.double_sided = i >= 4;
+        prim.common.transform = match i % 3 {
+            0 => at(&[placed(turn), placed(turn + 0.3)]),
+            _ => at(&[placed(turn)]),
+        };
+        prims.push(prim);
+    }
+    scene(prims)
+}
+
+/// Instances of sheets, which store no normals, half of them mirrored; they move, or stand still.
+fn mirrored_instances(moving: bool) -> Scene {
+    let mut scene = instanced(moving);
+    let mut prototype = carried(
+        sheet("/many/sheet", &[0.0, 0.4], Interpolation::Uniform),
+        DMat4::from_scale(DVec3::splat(0.2)) * DMat4::from_translation(DVec3::Z * 3.0),
+    );
+    prototype.common.instancer = Some((INSTANCER, 0));
+    prototype.common.pick_id = 7;
+    prototype.common.double_sided = moving;
+    scene.prims.insert(PrimId(20), Arc::new(prototype));
+    let instancer = scene.instancers.get_mut(&INSTANCER).expect("an instancer");
+    let arrays = Arc::make_mut(&mut Arc::make_mut(instancer).arrays);
+    let size = |i: usize| Vec3::new(if i % 2 == 0 { 1.0 } else { -1.0 }, 0.9, 0.8);
+    let sizes = (0..arrays.instance_count).map(size).collect();
+    arrays.scales = Samples {
+        times: vec![0.0],
+        values: vec![Arc::new(sizes)],
+    };
+    if moving {
+        let turns = |by: f32| {
+            let turn = |i: usize| Quat::from_rotation_x(i as f32 + by);
+            Arc::new((0..arrays.instance_count).map(turn).collect())
+        };
+        arrays.orientations = Samples {
+            times: vec![0.0, 1.0],
+            values: vec![turns(0.0), turns(0.4)],
+        };
+    }
+    scene
+}
+
+/// The camera goes on and turns.
+fn moving_camera(projection: Projection) -> Scene {
+    let mut scene = stage();
+    shoot(&mut scene, |camera| {
+        let to = DMat4::from_translation(DVec3::new(0.9, 0.1, 5.5)) * DMat4::from_rotation_z(0.3);
+        camera.transform = at(&[DMat4::from_translation(DVec3::Z * 6.0), to]);
+        camera.projection = projection;
+        if projection == Projection::Orthographic {
+            (camera.horizontal_aperture, camera.vertical_aperture) = (7.0, 4.4);
+        }
+    });
+    scene
+}
+
+/// What is seen first is not opaque.
+fn veils() -> Scene {
+    let mut scene = everything();
+    for (number, opacity) in [(1, 0.5), (2, 0.0), (3, 0.6)] {
+        let prim = scene.prims.get_mut(&PrimId(number)).expect("three prims");
+        let prim = Arc::make_mut(prim);
+        *prim = veiled(prim.clone(), flat(opacity));
+    }
+    scene
+}
+
+/// A side that is the front or the back by the time is left to the CPU where normals are asked for, and said.
+fn normals_that_turn_over_are_not_taken(stages: &Arc<Stages>) -> Result<(), Failed> {
+    let mut prim = sheet("/sheet", &[0.0], Interpolation::Uniform);
+    let near = DMat4::from_translation(DVec3::NEG_Z);
+    prim.common.transform = at(&[near, near * DMat4::from_scale(DVec3::new(-1.0, 1.0, 1.0))]);
+    let plain = scene(vec![prim]);
+    for (scene, last) in [
+        (plain.clone(), Stage::Film),
+        (with_means(plain), Stage::Trace),
+    ] {
+        let frame = GpuFrame::new(Arc::clone(stages), &prepared_on(&scene, Backend::Gpu))?;
+        let told = frame.explain();
+        if *frame.stages().end() != last || told.contains("turn over") != (last == Stage::Trace) {
+            return Err(told.into());
+        }
+    }
+    Ok(())
+}
+
+/// Each AOV alone is as it is among the others, bit for bit.
+fn one_alone_is_as_among_others(stages: &Arc<Stages>) -> Result<(), Failed> {
+    for scene in [everything(), veils()] {
+        let image = |aovs: &[Aov], aov: &Aov| -> Result<Vec<u32>, Failed> {
+            let mut scene = scene.clone();
+            set(&mut scene, |settings| {
+                settings.aovs = aovs.iter().map(|aov| aov.name().to_owned()).collect();
+            });
+            let prepared = prepared_on(&scene, Backend::Gpu);
+            let frame = GpuFrame::new(Arc::clone(stages), &prepared)?;
+            match rendered(&prepared, Some(&frame))?
+                .aov(aov)
+                .map(|image| image.data)
+            {
+                Some(AovData::F32(data)) => Ok(data.iter().map(|x| x.to_bits()).collect()),
+                _ => Err("it is not there".into()),
+            }
+        };
+        for aov in MEANS {
+            if image(&[aov.clone()], &aov)? != image(&MEANS, &aov)? {
+                return Err(format!("{} differs", aov.name()).into());
+            }
+        }
+    }
+    Ok(())
+}
+
+fn scenes() -> Vec<(&'static str, Scene)> {
+    let moving = sheet("/sheet", &[0.0, 0.8], Interpolation::Vertex);
+    let mut leaning = sheet("/sheet", &[0.0, 0.8], Interpolation::Vertex);
+    let normals = leaning_normals(42);
+    let primvars = &mut leaning.common.primvars;
+    primvars.insert("normals".to_owned(), normals);
+    let mut colorless = everything();
+    set(&mut colorless, |s| s.aovs.retain(|aov| aov != "color"));
+    vec![
+        ("still", stage()),
+        ("everything", everything()),
+        ("colorless", colorless),
+        ("moving_mesh", scene(vec![moving])),
+        ("moving_normals", scene(vec![leaning])),
+        ("instances", instanced(false)),
+        ("moving_instances", instanced(true)),
+        ("sides", sides()),
+        ("mirrored_instances", mirrored_instances(false)),
+        ("moving_mirrored_instances", mirrored_instances(true)),
+        ("moving_camera", moving_camera(Projection::Perspective)),
+        ("rays_side_by_side", moving_camera(Projection::Orthographic)),
+        ("veils", veils()),
+    ]
+}
+
+fn main() {
+    let mut trials: Vec<(String, Check)> = Vec::new();
+    // Pipelines are compiled once.
+    static STAGES: OnceLock<Arc<Stages>> = OnceLock::new();
+    let on =
+        |device: &Arc<Device>| Arc::clone(STAGES.get_or_init(|| Arc::new(Stages::new(device))));
+    for (name, scene) in scenes() {
+        let scene = with_means(scene);
+        let walk = ["everything", "moving_mirrored_instances", "veils"].contains(&name);
+        if walk {
+            let paged = scene.clone();
+            let firsts = &[FirstOnDevice::Bound, FirstOnDevice::Generate];
+            let run = move |device: &Arc<Device>| on_pages(&on(device), &paged, firsts);
+            trials.push((format!("pages_of_{name}"), Box::new(run)));
+        }
+        let run = move |device: &Arc<Device>| match walk {
+            true => walked(&on(device), &scene),
+            false => agrees(&on(device), &scene, FirstOnDevice::Bound),
+        };
+        trials.push((format!("scene_{name}"), Box::new(run)));
+    }
+    let alone = move |device: &Arc<Device>| one_alone_is_as_among_others(&on(device));
+    trials.push(("one_alone".to_owned(), Box::new(alone)));
+    let turning = move |device: &Arc<Device>| normals_that_turn_over_are_not_taken(&on(device));
+    trials.push(("what_turns_over".to_owned(), Box::new(turning)));
+    device::run(trials);
+}

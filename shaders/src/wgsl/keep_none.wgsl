@@ -1,0 +1,6 @@
+// Nothing is kept beside colours.
+
+const KEEPS: bool = false;
+
+fn keep(ray: Ray, hit: Hit, look: Look, instance: Instance, object: Object, cell: Cell, n: vec3<f32>) {
+}
