@@ -1,6 +1,7 @@
 //! The backend of a render: the CPU, or a GPU that is opened once for the process.
 
-use std::ffi::OsStr;
+use std::ffi::{OsStr, OsString};
+use std::path::PathBuf;
 use std::sync::{Arc, Mutex, OnceLock};
 
 use hdtrapeze_core::scene::Backend;
@@ -15,6 +16,9 @@ static STAGES: Mutex<Option<Arc<Stages>>> = Mutex::new(None);
 
 /// Names the first stage that a GPU runs, where those before it are to run on the CPU: to narrow a difference down to a stage.
 const FIRST_ON_GPU: &str = "HDTRAPEZE_FIRST_ON_GPU";
+
+/// 0: what drivers compile is not kept on disk.
+const PIPELINE_CACHE: &str = "HDTRAPEZE_PIPELINE_CACHE";
 
 /// What renders where no GPU does, for people.
 pub fn cpu(asked: Backend) -> String {
@@ -45,6 +49,30 @@ fn options_of(first: Option<&OsStr>) -> Result<FrameOptions, Error> {
     Ok(options)
 }
 
+/// Where what drivers compile is kept from one run to the next: in the user's own cache folder.
+fn pipelines_folder() -> Option<PathBuf> {
+    let var = |name| std::env::var_os(name);
+    folder_of(
+        var(PIPELINE_CACHE),
+        var("XDG_CACHE_HOME"),
+        std::env::home_dir(),
+    )
+}
+
+fn folder_of(
+    keep: Option<OsString>,
+    caches: Option<OsString>,
+    home: Option<PathBuf>,
+) -> Option<PathBuf> {
+    if keep.is_some_and(|keep| keep == "0") {
+        return None;
+    }
+    // XDG: what is not absolute does not count.
+    let named = caches.map(PathBuf::from).filter(|path| path.is_absolute());
+    let folder = named.or_else(|| Some(home?.join(".cache")))?;
+    folder.is_absolute().then(|| folder.join("hdtrapeze"))
+}
+
 /// All devices there are, the best first; looked for once.
 pub fn devices() -> &'static [Found] {
     static DEVICES: OnceLock<Vec<Found>> = OnceLock::new();
@@ -63,7 +91,7 @@ pub fn open(backend: Backend) -> Result<Option<Arc<Stages>>, Error> {
     if let Some(stages) = open.as_ref().filter(|s| s.device().check().is_ok()) {
         return Ok(Some(Arc::clone(stages)));
     }
-    let device = Device::open()
+    let device = Device::open_with(pipelines_folder().as_deref())
         .map_err(|error| Error::Unsupported(format!("{error}; the backend cpu needs no device")))?;
     let stages = Arc::new(Stages::new(&Arc::new(device)));
     *open = Some(Arc::clone(&stages));
@@ -82,6 +110,20 @@ mod tests {
         assert_eq!(options_of(None).unwrap().first, FirstOnDevice::Bound);
         let refused = first("cook").unwrap_err().to_string();
         assert!(refused.contains("none of bound, build, instances"));
+    }
+
+    #[test]
+    fn pipelines_are_kept_in_the_users_caches() {
+        let folder = |keep: &str, caches: &str, home: &str| {
+            let home = Some(PathBuf::from(home)).filter(|home| home != "");
+            folder_of(Some(keep.into()), Some(caches.into()), home)
+        };
+        assert_eq!(folder("", "/c", "/h"), Some("/c/hdtrapeze".into()));
+        assert_eq!(folder("1", "", "/h"), Some("/h/.cache/hdtrapeze".into()));
+        assert_eq!(folder("", "c", "/h"), Some("/h/.cache/hdtrapeze".into()));
+        assert_eq!(folder("0", "/c", "/h"), None);
+        assert_eq!(folder("", "", ""), None);
+        assert_eq!(folder_of(None, None, None), None);
     }
 
     #[test]

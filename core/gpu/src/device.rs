@@ -1,5 +1,6 @@
 //! Devices: which there are, which is used and why, and one that is open.
 
+use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError, mpsc};
 use std::time::Duration;
 
@@ -8,6 +9,7 @@ use bytemuck::Pod;
 use wgpu::BufferUsages as Usage;
 
 use super::GpuError;
+use super::kept::KeptPipelines;
 
 /// What a device is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -54,6 +56,7 @@ pub struct Device {
     pub(crate) queue: wgpu::Queue,
     found: Found,
     fault: Fault,
+    pipelines: Option<KeptPipelines>,
 }
 
 /// What drivers report on threads of their own.
@@ -122,9 +125,17 @@ impl Device {
     /// # Errors
     /// There is none, or it does not open.
     pub fn open() -> Result<Self, GpuError> {
+        Self::open_with(None)
+    }
+
+    /// The same, where what its driver compiles is kept in this folder for the next time.
+    ///
+    /// # Errors
+    /// As [`Device::open`].
+    pub fn open_with(pipelines: Option<&Path>) -> Result<Self, GpuError> {
         let mut refused = None;
         for (adapter, found) in adapters() {
-            match Self::open_one(&adapter, found) {
+            match Self::open_one(&adapter, found, pipelines) {
                 Ok(device) => return Ok(device),
                 // The best one's words count.
                 Err(error) => refused = refused.or(Some(error)),
@@ -134,9 +145,14 @@ impl Device {
         Err(refused.unwrap_or_else(|| GpuError::NoDevice(why.to_owned())))
     }
 
-    fn open_one(adapter: &wgpu::Adapter, found: Found) -> Result<Self, GpuError> {
+    fn open_one(
+        adapter: &wgpu::Adapter,
+        found: Found,
+        pipelines: Option<&Path>,
+    ) -> Result<Self, GpuError> {
         let limits = adapter.limits();
-        let wanted = wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::SUBGROUP;
+        let mut wanted = wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::SUBGROUP;
+        wanted.set(wgpu::Features::PIPELINE_CACHE, pipelines.is_some());
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("hdTrapeze"),
             required_features: adapter.features() & wanted,
@@ -171,12 +187,25 @@ impl Device {
                 note(|name, why| GpuError::Lost { name, why }, why);
             }
         });
+        let info = adapter.get_info();
+        let pipelines = pipelines.and_then(|folder| KeptPipelines::open(&device, &info, folder));
         Ok(Self {
             device,
             queue,
             found,
             fault,
+            pipelines,
         })
+    }
+
+    /// Where pipelines that are made are kept, if anywhere.
+    pub(crate) fn pipelines(&self) -> Option<&KeptPipelines> {
+        self.pipelines.as_ref()
+    }
+
+    /// True where pipelines of another run were found.
+    pub fn has_kept_pipelines(&self) -> bool {
+        self.pipelines().is_some_and(KeptPipelines::were_found)
     }
 
     /// What it is.

@@ -275,6 +275,13 @@ impl GpuFrame {
         self.refitted
     }
 
+    /// Keeps what was compiled by now, for other runs.
+    fn keep_pipelines(&self) {
+        if let Some(pipelines) = self.stages.device().pipelines() {
+            pipelines.keep();
+        }
+    }
+
     fn took(&self, stage: Stage, seconds: Option<f64>) {
         if let (Some(all), Some(seconds)) = (&self.seconds, seconds) {
             all.lock().unwrap_or_else(PoisonError::into_inner)[stage as usize] += seconds;
@@ -379,8 +386,7 @@ impl GpuFrame {
             &self.scene,
             camera,
             looks,
-            [&rays, &hits],
-            values,
+            ([&rays, &hits], values),
             tiles.rays,
             timed,
         )?;
@@ -405,8 +411,8 @@ impl GpuFrame {
         let layers = Layers::new(device, len)?;
         let shade = |layer: Layer| {
             let shader = &self.stages.shader;
-            let there = (rays, &layers);
-            let seconds = shader.layer(&self.scene, camera, looks, there, values, layer, timed)?;
+            let there = (rays, &layers, values);
+            let seconds = shader.layer(&self.scene, camera, looks, there, layer, timed)?;
             self.took(Stage::Shade, seconds);
             Ok(())
         };
@@ -442,6 +448,7 @@ impl RayTracer for GpuFrame {
 
     fn trace(&self, rays: &[Ray], hits: &mut [Hit]) -> Result<(), String> {
         let traced = self.stages.tracer.trace(&self.scene, rays, false, hits);
+        self.keep_pipelines();
         traced.map_err(|error| error.to_string())
     }
 
@@ -455,6 +462,7 @@ impl RayTracer for GpuFrame {
             let there = self.traced(&rays, tiles.rays)?;
             self.stages.tracer.read_hits(&there, hits)
         });
+        self.keep_pipelines();
         traced.map_err(|error| error.to_string())
     }
 
@@ -472,6 +480,7 @@ impl RayTracer for GpuFrame {
             Some(looks) => self.film_tiles(camera, looks, tiles, made, (pixels, means)),
             None => self.film_made(camera, tiles, made, (pixels, means)),
         };
+        self.keep_pipelines();
         filmed.map_err(|error| error.to_string())
     }
 }

@@ -8,19 +8,19 @@
 //! - poses: each turn is given by two quaternions at right angles and its angle, places are relative to the camera's;
 //! - bent blades: Kepler's equation in a form that does not cancel.
 //!
-//! What is left is some roundings in time, lens point and direction; the tests state how many. A lens that changes while the
-//! shutter is open is not known here: its window is made of seven numbers a ray, in f64, and rare.
+//! What is left is some roundings in time, lens point and direction; the tests state how many.
 
 use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 
 use glam::{DVec4, Vec2};
 use hdtrapeze_core::camera::aperture::Aperture;
+use hdtrapeze_core::camera::lens::{LensKey, LensPath};
 use hdtrapeze_core::camera::opening::Times;
 use hdtrapeze_core::camera::pose::Poses;
 use hdtrapeze_core::render::Generator;
 use hdtrapeze_core::sample::PixelSampler;
-use hdtrapeze_core::scene::Projection;
+use hdtrapeze_core::scene::{Projection, WindowPolicy};
 use hdtrapeze_shaders::layout::{Camera, Ray};
 use hdtrapeze_shaders::stage::{GeneratePermutation, LensKind, TimeKind};
 use wgpu::BufferUsages as Usage;
@@ -57,10 +57,12 @@ impl GpuCamera {
     /// Lays out what `generator` draws with.
     ///
     /// # Errors
-    /// Its lens changes while the shutter is open; or the device has no memory.
+    /// Its lens changes while the shutter is open, and is of numbers that f32 does not hold; or the device has no memory.
     pub fn new(device: &Device, generator: &Generator<'_>) -> Result<Self, GpuError> {
-        if generator.camera.lens_changes() {
-            let what = "a lens that changes while the shutter is open".to_owned();
+        let keys = generator.camera.lens_path().map(LensPath::keys);
+        let mut numbers = keys.iter().flatten().flat_map(lens_numbers);
+        if !numbers.all(f32::is_finite) {
+            let what = "a lens that changes, of numbers beyond 10^38".to_owned();
             return Err(GpuError::Unsupported(what));
         }
         let mut tables = Tables::default();
@@ -129,6 +131,26 @@ impl RayMaker {
     }
 }
 
+/// A key of a lens, as `lens.wgsl` has it.
+fn lens_numbers(key: &LensKey) -> [f32; 12] {
+    let ([width, height], [x, y]) = (key.half, key.offset);
+    let numbers = [
+        key.time,
+        width,
+        height,
+        x,
+        y,
+        key.distance,
+        key.focal_length,
+        key.f_stop,
+        key.focus_distance,
+        key.exposure,
+        key.radius,
+        f64::from(u8::from(key.is_straight)),
+    ];
+    numbers.map(|x| x as f32)
+}
+
 /// The words that a camera's places are in.
 #[derive(Default)]
 struct Tables {
@@ -190,8 +212,16 @@ impl Tables {
             (true, false) => TimeKind::Time,
             (true, true) => TimeKind::CameraMoves,
         };
-        let net = out.digits > 0;
-        (out, GeneratePermutation { net, lens, time })
+        if let Some(path) = camera.lens_path() {
+            self.lens_path(path, &mut out);
+        }
+        let permutation = GeneratePermutation {
+            net: out.digits > 0,
+            lens,
+            time,
+            lens_changes: camera.lens_changes(),
+        };
+        (out, permutation)
     }
 
     fn filter(&mut self, generator: &Generator<'_>, out: &mut Camera) {
@@ -270,6 +300,28 @@ impl Tables {
             self.numbers(pose.polar.stretch.as_mat3().to_cols_array());
             self.numbers((pose.translation - origin).as_vec3().to_array());
             out.key_count += 1;
+        }
+    }
+
+    /// A lens that changes, as `lens.wgsl` has it.
+    fn lens_path(&mut self, path: &LensPath, out: &mut Camera) {
+        out.lens_path = self.here();
+        let framing = path.framing();
+        self.numbers([framing.aspect as f32]);
+        self.words.push(match framing.policy {
+            WindowPolicy::MatchHorizontally => 0,
+            WindowPolicy::MatchVertically => 1,
+            WindowPolicy::Fit => 2,
+            WindowPolicy::Crop => 3,
+            WindowPolicy::DontConform => 4,
+        });
+        let mut keys = path.keys();
+        // What is at the end goes on: no two times at the end are the same, in f32 either.
+        let end = keys.last().map(|&key| LensKey { time: 2.0, ..key });
+        keys.extend(end);
+        for key in &keys {
+            self.numbers(lens_numbers(key));
+            out.lens_keys += 1;
         }
     }
 

@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 pub use hdtrapeze_shaders::stage::Binding;
 
+use super::kept::KeptPipelines;
 use super::{Device, GpuError};
 
 /// A stage, compiled.
@@ -109,7 +110,7 @@ impl Kernel {
                 module: &module,
                 entry_point: Some(entry),
                 compilation_options: wgpu::PipelineCompilationOptions::default(),
-                cache: None,
+                cache: device.pipelines().map(KeptPipelines::cache),
             };
             (entry, on.create_compute_pipeline(&descriptor))
         };

@@ -4,12 +4,13 @@
 //! from `hdtrapeze_shaders`; core knows nothing of devices. Nothing here panics where there is no device, where one is too
 //! small, or where it is lost: every fault is a [`GpuError`], and callers go on with the CPU.
 //!
-//! [`device`] finds and opens devices, [`kernel`] compiles stages, [`scene`] lays a world out for them, [`build`] makes
+//! [`device`] finds and opens devices, [`kernel`] compiles stages, which [`kept`] keeps on disk, [`scene`] lays a world out for them, [`build`] makes
 //! trees there. Stages: [`generate`] draws camera rays, [`trace`] traces rays, [`shade`] tells what their hits give, [`film`]
 //! sums that up by pixel; where hits are not opaque, `trace` and `shade` take turns, layer after layer; [`occlude`] sends rays
 //! on from hits, and tells how many meet nothing; [`frame`] runs those that core's passes need, from the [`first`] on; [`pace`] tells how much
 //! goes there at once.
-#![forbid(unsafe_code)]
+//!
+//! Unsafe code is denied but for one call, by which [`kept`] hands a driver what it has compiled before.
 
 pub mod build;
 pub mod contents;
@@ -19,6 +20,7 @@ pub mod film;
 pub mod first;
 pub mod frame;
 pub mod generate;
+mod kept;
 pub mod kernel;
 mod layers;
 pub mod occlude;

@@ -104,6 +104,7 @@ impl GpuLooks {
                 color: prepared.aovs().contains(&Aov::Color),
                 time,
                 camera_moves: camera.permutation.time == TimeKind::CameraMoves,
+                lens_changes: camera.permutation.lens_changes,
                 layers,
                 values: kept(prepared),
             },
@@ -218,8 +219,8 @@ impl Shader {
         values.transpose()
     }
 
-    /// Shades `len` rays that met `hits`, and fills `values`; gives samples by their numbers, and the seconds that the device took where
-    /// that is asked for and it can tell.
+    /// Shades `len` rays that met `hits`, and fills `values`, where some are kept; gives samples by their numbers, and the seconds
+    /// that the device took where that is asked for and it can tell.
     ///
     /// # Errors
     /// They are more than the device takes, or it is lost.
@@ -228,8 +229,7 @@ impl Shader {
         scene: &GpuScene,
         camera: &GpuCamera,
         looks: &GpuLooks,
-        [rays, hits]: [&wgpu::Buffer; 2],
-        values: Option<&wgpu::Buffer>,
+        ([rays, hits], values): ([&wgpu::Buffer; 2], Option<&wgpu::Buffer>),
         len: usize,
         timed: bool,
     ) -> Result<(wgpu::Buffer, Option<f64>), GpuError> {
@@ -242,7 +242,8 @@ impl Shader {
         Ok((samples, seconds))
     }
 
-    /// Takes in what rays met in a layer, and fills `values`. Gives the seconds that the device took where that is asked for and it can tell.
+    /// Takes in what rays met in a layer, and fills `values`, where some are kept. Gives the seconds that the device took where that
+    /// is asked for and it can tell.
     ///
     /// # Errors
     /// As [`Shader::shade`].
@@ -251,8 +252,7 @@ impl Shader {
         scene: &GpuScene,
         camera: &GpuCamera,
         looks: &GpuLooks,
-        (rays, layers): (&wgpu::Buffer, &Layers),
-        values: Option<&wgpu::Buffer>,
+        (rays, layers, values): (&wgpu::Buffer, &Layers, Option<&wgpu::Buffer>),
         layer: Layer,
         timed: bool,
     ) -> Result<Option<f64>, GpuError> {

@@ -21,7 +21,8 @@ use hdtrapeze_core::render::{
     Elsewhere, Frame, Made, RayTracer, RenderControl, Stage, TileSamples, render_with,
 };
 use hdtrapeze_core::scene::{
-    Backend, FilterKind, Interpolation, PrimId, PrimvarDesc, PrimvarSample, PrimvarValues, Scene,
+    Backend, FilterKind, Interpolation, LensSample, PrimId, PrimvarDesc, PrimvarSample,
+    PrimvarValues, Scene,
 };
 use hdtrapeze_core::trace::{Hit, Ray};
 use hdtrapeze_gpu::{Device, FirstOnDevice, FrameOptions, GpuError, GpuFrame, Stages};
@@ -34,18 +35,18 @@ fn others_are_shaded_here(stages: &Arc<Stages>) -> Result<(), Failed> {
     set(&mut colors, |s| {
         s.aovs.push("primvars:displayColor".to_owned());
     });
-    let mut rack = stage();
-    shoot(&mut rack, |camera| {
-        let sample = |focal_length: f64| hdtrapeze_core::scene::LensSample {
-            time: focal_length - 2.0,
-            focal_length,
+    let mut huge = stage();
+    shoot(&mut huge, |camera| {
+        let sample = |f_stop: f64| LensSample {
+            time: f_stop / 1.0e60 - 1.0,
+            f_stop,
             ..camera.lens()
         };
-        camera.lens_samples = vec![sample(2.0), sample(3.0)];
+        camera.lens_samples = vec![sample(1.0e60), sample(2.0e60)];
     });
     for (scene, first, why) in [
         (colors, Stage::Generate, "the AOV primvars:displayColor"),
-        (rack, Stage::Trace, "lens"),
+        (huge, Stage::Trace, "lens"),
     ] {
         let prepared = prepared(&scene);
         let frame = GpuFrame::new(Arc::clone(stages), &prepared)?;
@@ -276,6 +277,7 @@ fn scenes() -> Vec<(String, Scene)> {
     let mut lens = stage();
     shoot(&mut lens, |camera| camera.f_stop = 0.5);
     all.push(("defocus".to_owned(), lens));
+    all.push(("changing_lens".to_owned(), changing_lens()));
     for filter in [
         FilterKind::Box,
         FilterKind::Gaussian,

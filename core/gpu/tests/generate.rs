@@ -17,7 +17,7 @@ use hdtrapeze_core::render::{Generator, Job, TileSamples};
 use hdtrapeze_core::sample::PixelSampler;
 use hdtrapeze_core::scene::{
     ApertureDesc, CameraDesc, FilterKind, LensSample, Projection, RenderSettings, ShutterCurveDesc,
-    ShutterCurveKind, TransformSamples,
+    ShutterCurveKind, TransformSamples, WindowPolicy,
 };
 use hdtrapeze_gpu::kernel::{Binding, Kernel};
 use hdtrapeze_gpu::{Device, GpuCamera, GpuError, GpuTiles, RayMaker};
@@ -95,6 +95,7 @@ fn bits_are_the_same(device: &Device) -> Result<(), Failed> {
                 } else {
                     TimeKind::Still
                 },
+                lens_changes: false,
             };
             let source = permutation.samples() + TELL_SAMPLES;
             let bound = [Binding::Read, Binding::Read, Binding::Read, Binding::Write];
@@ -249,6 +250,26 @@ fn turning(angle: f64, keys: usize) -> Vec<TransformSamples> {
     }]
 }
 
+/// A lens that has these focal lengths, f-numbers and distances in focus, with the film back shifted and scaled between.
+fn changing(keys: &[[f64; 3]]) -> impl FnOnce(&mut CameraDesc) {
+    let keys = keys.to_vec();
+    move |desc| {
+        let last = (keys.len() - 1) as f64;
+        let sample =
+            |(i, &[focal_length, f_stop, focus_distance]): (usize, &[f64; 3])| LensSample {
+                // From before the shutter opens to after it closes.
+                time: 1.3 * i as f64 / last - 0.2,
+                focal_length,
+                f_stop,
+                focus_distance,
+                vertical_aperture_offset: 0.1 * i as f64,
+                horizontal_aperture: 2.0 + 0.3 * i as f64,
+                ..desc.lens()
+            };
+        desc.lens_samples = keys.iter().enumerate().map(sample).collect();
+    }
+}
+
 fn curve(kind: ShutterCurveKind, points: &[[f64; 2]]) -> ShutterCurveDesc {
     ShutterCurveDesc {
         kind,
@@ -275,6 +296,10 @@ fn cases() -> Vec<(&'static str, Case)> {
             .with(|d| d.aperture = blades(n, roundness))
     };
     let filter = |kind, width| still().set(|s| (s.filter, s.filter_width) = (kind, width));
+    let conformed = |policy| {
+        let zoom = changing(&[[2.0, 0.0, 7.0], [3.0, 0.0, 7.0], [2.5, 0.0, 7.0]]);
+        timed().with(zoom).set(|s| s.window_policy = policy)
+    };
     let ramps = [
         [0.0, 0.0],
         [0.25, 1.0],
@@ -361,6 +386,55 @@ fn cases() -> Vec<(&'static str, Case)> {
             timed().with(|d| d.transform = turning(1.0e-7, 3)),
         ),
         (
+            "rack_focus",
+            timed().with(changing(&[[3.0, 0.8, 5.0], [3.0, 0.8, 9.0]])),
+        ),
+        (
+            "zoom",
+            timed().with(changing(&[
+                [2.0, 0.0, 7.0],
+                [3.0, 0.0, 7.0],
+                [2.5, 0.0, 7.0],
+            ])),
+        ),
+        (
+            "zoom_of_a_lens",
+            timed()
+                .with(|d| d.transform = turning(0.7, 2))
+                .with(|d| d.aperture = blades(5, 0.0))
+                .with(changing(&[[2.0, 0.7, 7.0], [3.0, 1.1, 6.0]])),
+        ),
+        (
+            "from_a_pinhole",
+            timed().with(changing(&[
+                [2.0, 0.0, 7.0],
+                [3.0, 0.9, 6.0],
+                [3.0, 0.0, 6.0],
+            ])),
+        ),
+        (
+            "keys_at_one_instant",
+            timed()
+                .with(changing(&[[2.0, 0.7, 7.0], [3.0, 1.1, 6.0]]))
+                .with(|d| {
+                    let at = [0.5, 0.5 + 1.0e-9];
+                    for (sample, time) in d.lens_samples.iter_mut().zip(at) {
+                        sample.time = time;
+                    }
+                }),
+        ),
+        (
+            "orthographic_zoom",
+            timed()
+                .with(|d| d.projection = Projection::Orthographic)
+                .with(changing(&[[2.0, 0.7, 7.0], [3.0, 1.1, 6.0]])),
+        ),
+        ("width_stays", conformed(WindowPolicy::MatchHorizontally)),
+        ("height_stays", conformed(WindowPolicy::MatchVertically)),
+        ("all_fits", conformed(WindowPolicy::Fit)),
+        ("cropped", conformed(WindowPolicy::Crop)),
+        ("stretched", conformed(WindowPolicy::DontConform)),
+        (
             "nobody_asks_for_time",
             still().with(|d| d.transform = turning(1.0, 2)),
         ),
@@ -434,7 +508,7 @@ fn differences(generator: &Generator<'_>, ray: &Ray, job: &Job) -> [f32; 4] {
     let at = job.ray.time;
     let dir = moved(job.ray.dir, at, ray.time);
     let origin = moved(job.ray.origin - camera.pose(at).1, at, ray.time) + camera.pose(ray.time).1;
-    let lens = camera.lens(0.0);
+    let lens = camera.lens(ray.time);
     let corners = lens.window.point(glam::Vec2::ZERO).abs() + lens.window.size().abs();
     let place = camera.pose(ray.time).1.abs().max_element();
     let size = corners.max_element().max(1.0) + 2.0 * lens.radius;
@@ -478,10 +552,11 @@ fn order_follows_time(device: &Arc<Device>) -> Result<(), Failed> {
 }
 
 /// What is not drawn there is refused in words.
-fn changing_lenses_are_refused(device: &Arc<Device>) -> Result<(), Failed> {
-    let samples = [1.0, 2.0].map(|focal_length| LensSample {
-        focal_length,
-        time: focal_length - 1.0,
+fn lenses_beyond_f32_are_refused(device: &Arc<Device>) -> Result<(), Failed> {
+    let samples = [1.0e60, 2.0e60].map(|f_stop| LensSample {
+        f_stop,
+        focus_distance: 7.0,
+        time: f_stop / 1.0e60 - 1.0,
         ..CameraDesc::default().lens()
     });
     let case = Case::new(true).with(|d| d.lens_samples = samples.to_vec());
@@ -518,8 +593,8 @@ fn main() {
         ),
         ("order".to_owned(), Box::new(order_follows_time)),
         (
-            "changing_lens".to_owned(),
-            Box::new(changing_lenses_are_refused),
+            "lens_beyond_f32".to_owned(),
+            Box::new(lenses_beyond_f32_are_refused),
         ),
         (
             "unsound_stages".to_owned(),

@@ -54,8 +54,8 @@ fn sides() -> Scene {
     scene(prims)
 }
 
-/// Instances of sheets, which store no normals, half of them mirrored; they move, or stand still.
-fn mirrored_instances(moving: bool) -> Scene {
+/// Instances of sheets, which store no normals, half of them mirrored; they move, or stand still; they have one side, or two.
+fn mirrored_instances(moving: bool, double_sided: bool) -> Scene {
     let mut scene = instanced(moving);
     let mut prototype = carried(
         sheet("/many/sheet", &[0.0, 0.4], Interpolation::Uniform),
@@ -63,11 +63,11 @@ fn mirrored_instances(moving: bool) -> Scene {
     );
     prototype.common.instancer = Some((INSTANCER, 0));
     prototype.common.pick_id = 7;
-    prototype.common.double_sided = moving;
+    prototype.common.double_sided = double_sided;
     scene.prims.insert(PrimId(20), Arc::new(prototype));
     let instancer = scene.instancers.get_mut(&INSTANCER).expect("an instancer");
     let arrays = Arc::make_mut(&mut Arc::make_mut(instancer).arrays);
-    let size = |i: usize| Vec3::new(if i % 2 == 0 { 1.0 } else { -1.0 }, 0.9, 0.8);
+    let size = |i: usize| Vec3::new(if i.is_multiple_of(2) { 1.0 } else { -1.0 }, 0.9, 0.8);
     let sizes = (0..arrays.instance_count).map(size).collect();
     arrays.scales = Samples {
         times: vec![0.0],
@@ -100,14 +100,17 @@ fn moving_camera(projection: Projection) -> Scene {
     scene
 }
 
-/// What is seen first is not opaque.
+/// What is seen first is not opaque, nor is what is behind it; before all is something that is not there at all.
 fn veils() -> Scene {
     let mut scene = everything();
-    for (number, opacity) in [(1, 0.5), (2, 0.0), (3, 0.6)] {
+    for (number, opacity) in [(1, 0.5), (2, 0.4), (3, 0.6)] {
         let prim = scene.prims.get_mut(&PrimId(number)).expect("three prims");
         let prim = Arc::make_mut(prim);
         *prim = veiled(prim.clone(), flat(opacity));
     }
+    let nothing = ball("/nothing", 1.2, &[DVec3::new(0.8, 0.0, 2.0)]);
+    let nothing = veiled(nothing, flat(0.0));
+    scene.prims.insert(PrimId(4), Arc::new(nothing));
     scene
 }
 
@@ -149,7 +152,7 @@ fn one_alone_is_as_among_others(stages: &Arc<Stages>) -> Result<(), Failed> {
             }
         };
         for aov in MEANS {
-            if image(&[aov.clone()], &aov)? != image(&MEANS, &aov)? {
+            if image(std::slice::from_ref(&aov), &aov)? != image(&MEANS, &aov)? {
                 return Err(format!("{} differs", aov.name()).into());
             }
         }
@@ -174,10 +177,12 @@ fn scenes() -> Vec<(&'static str, Scene)> {
         ("instances", instanced(false)),
         ("moving_instances", instanced(true)),
         ("sides", sides()),
-        ("mirrored_instances", mirrored_instances(false)),
-        ("moving_mirrored_instances", mirrored_instances(true)),
+        ("mirrored_instances", mirrored_instances(false, false)),
+        ("moving_mirrored_instances", mirrored_instances(true, false)),
+        ("two_sided_instances", mirrored_instances(true, true)),
         ("moving_camera", moving_camera(Projection::Perspective)),
         ("rays_side_by_side", moving_camera(Projection::Orthographic)),
+        ("changing_lens", changing_lens()),
         ("veils", veils()),
     ]
 }

@@ -56,6 +56,31 @@ pub struct LensPath {
     key_times: Vec<f64>,
 }
 
+/// What is authored of a changing lens at an instant; straight from one to the next.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LensKey {
+    /// In [0, 1] across the shutter.
+    pub time: f64,
+    /// Half the film back's width and height.
+    pub half: [f64; 2],
+    /// Where its middle is.
+    pub offset: [f64; 2],
+    /// How far from the lens it is.
+    pub distance: f64,
+    /// 0 for a pinhole.
+    pub focal_length: f64,
+    /// 0 for a pinhole.
+    pub f_stop: f64,
+    /// Depth in focus, scene units.
+    pub focus_distance: f64,
+    /// Linear factor on radiance.
+    pub exposure: f64,
+    /// Of the opening, scene units.
+    pub radius: f64,
+    /// Up to the next key the radius goes straight: there is a pinhole at one end.
+    pub is_straight: bool,
+}
+
 impl Numbers {
     fn new(
         from: &LensSample,
@@ -260,6 +285,40 @@ impl LensPath {
             lens.radius = lerp(a.radius(), b.radius(), f) as f32;
         }
         lens
+    }
+
+    /// How it meets the image.
+    pub fn framing(&self) -> &Framing {
+        &self.framing
+    }
+
+    /// The lens at 0, at each sample in between, and at 1, for those that compute [`LensPath::at`] elsewhere.
+    pub fn keys(&self) -> Vec<LensKey> {
+        let inside = self.timeline.times().iter().copied();
+        let inside = inside.filter(|&time| time > 0.0 && time < 1.0);
+        let times = [0.0].into_iter().chain(inside).chain([1.0]);
+        let key = |time: f64| {
+            let Blend { a, b, f } = self.timeline.blend(time);
+            let (a, b) = (&self.samples[a], &self.samples[b]);
+            let now = mix(a, b, f);
+            let is_straight = a.f_stop == 0.0 || b.f_stop == 0.0;
+            LensKey {
+                time,
+                half: now.film.half,
+                offset: now.film.offset,
+                distance: now.film.distance,
+                focal_length: now.focal_length,
+                f_stop: now.f_stop,
+                focus_distance: now.focus_distance,
+                exposure: now.exposure,
+                radius: match is_straight {
+                    true => lerp(a.radius(), b.radius(), f),
+                    false => now.radius(),
+                },
+                is_straight,
+            }
+        };
+        times.map(key).collect()
     }
 
     fn numbers(&self, time: f64) -> Numbers {

@@ -137,6 +137,11 @@ impl Camera {
         self.lens_path.is_some()
     }
 
+    /// Its path where it does.
+    pub fn lens_path(&self) -> Option<&LensPath> {
+        self.lens_path.as_ref()
+    }
+
     /// The point of the lens' opening for a point of the unit square, in units of the lens' radius.
     #[inline]
     pub fn lens_point(&self, u: f32, v: f32) -> Vec2 {

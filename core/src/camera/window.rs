@@ -14,13 +14,15 @@ pub struct Window {
 
 /// How a film back meets the image.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Framing {
+pub struct Framing {
     /// Width over height of the image, pixels' own shape included.
-    aspect: f64,
-    policy: WindowPolicy,
+    pub aspect: f64,
+    /// Which side of the film back stays.
+    pub policy: WindowPolicy,
 }
 
 impl Framing {
+    /// For these settings.
     pub fn new(settings: &RenderSettings) -> Self {
         let [width, height] = settings.resolution;
         let pixel_aspect = f64::from(settings.pixel_aspect);
@@ -34,7 +36,7 @@ impl Framing {
 
     /// The film's window, conformed to the image's aspect ratio. Conforming scales about the
     /// window's centre.
-    pub fn window(&self, film: &Film) -> Window {
+    pub(super) fn window(&self, film: &Film) -> Window {
         let mut half = film.half.map(|x| x / film.distance);
         conform(&mut half, self.aspect, self.policy);
         let centre = film.offset.map(|x| x / film.distance);

@@ -97,6 +97,11 @@ impl Timeline {
         })
     }
 
+    /// Times of samples, normalised to the shutter, ascending.
+    pub fn times(&self) -> &[f64] {
+        &self.times
+    }
+
     /// Samples that follow each other in time, by their indices.
     pub fn neighbours(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
         self.samples.windows(2).map(|pair| (pair[0], pair[1]))

@@ -33,9 +33,6 @@ pub struct Paint<'a> {
 impl Prepared {
     /// Why samples must be shaded and filmed here, in words. The one place that says so.
     pub fn shaded_here(&self) -> Option<String> {
-        if self.camera.lens_changes() {
-            return Some("the lens changes while the shutter is open".to_owned());
-        }
         let is_here = |aov: &&Aov| matches!(aov, Aov::Primvar(_));
         if let Some(aov) = self.aovs.iter().find(is_here) {
             return Some(format!("the AOV {} is asked for", aov.name()));

@@ -228,10 +228,13 @@ fn pixels_that_are_summed_elsewhere_are_taken_up() {
 #[test]
 fn what_is_shaded_here_is_said() {
     let mut stage = stage();
-    let asked = "primvars:st".to_owned();
+    let asked = "primvars:displayOpacity".to_owned();
     Arc::make_mut(&mut stage.settings).aovs.push(asked);
     let why = prepared(&stage, None).shaded_here();
-    assert_eq!(why.as_deref(), Some("the AOV primvars:st is asked for"));
+    assert_eq!(
+        why.as_deref(),
+        Some("the AOV primvars:displayOpacity is asked for")
+    );
     Arc::make_mut(&mut stage.settings).aovs = vec!["color".to_owned()];
     assert_eq!(prepared(&stage, None).shaded_here(), None);
 }

@@ -72,8 +72,12 @@ pub struct Camera {
     pub planes: u32,
     /// How many.
     pub plane_count: u32,
+    /// Of a lens that changes: what `lens.wgsl` has.
+    pub lens_path: u32,
+    /// How many keys.
+    pub lens_keys: u32,
     /// To the next multiple of 16 bytes; its content means nothing.
-    pub _pad: [u32; 3],
+    pub _pad: u32,
 }
 
 /// Samples of the pixels of a tile.

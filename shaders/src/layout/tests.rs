@@ -156,6 +156,8 @@ fn rust_layouts() -> Vec<Layout> {
             key_count,
             planes,
             plane_count,
+            lens_path,
+            lens_keys,
             _pad
         }),
         rust_layout!(TileSamples {

@@ -31,6 +31,8 @@ pub struct GeneratePermutation {
     pub lens: LensKind,
     /// Time.
     pub time: TimeKind,
+    /// The lens or the film back changes while the shutter is open.
+    pub lens_changes: bool,
 }
 
 /// Side of the square of pixels that a workgroup takes where stages go by pixel, and such squares along a tile.
@@ -41,10 +43,11 @@ impl GeneratePermutation {
     pub fn all() -> impl Iterator<Item = Self> {
         let lenses = [LensKind::Pinhole, LensKind::Round, LensKind::Blades];
         let times = [TimeKind::Still, TimeKind::Time, TimeKind::CameraMoves];
-        (0..18).map(move |i| Self {
+        (0..36).map(move |i| Self {
             net: i % 2 != 0,
             lens: lenses[i / 2 % 3],
-            time: times[i / 6],
+            time: times[i / 6 % 3],
+            lens_changes: i / 18 != 0,
         })
     }
 
@@ -55,6 +58,7 @@ impl GeneratePermutation {
             crate::layout::SOURCE,
             include_str!("../wgsl/circle.wgsl"),
             include_str!("../wgsl/pose.wgsl"),
+            include_str!("../wgsl/lens.wgsl"),
             include_str!("../wgsl/camera.wgsl"),
             include_str!("../wgsl/tiles.wgsl"),
             include_str!("../wgsl/generate.wgsl"),
@@ -65,11 +69,12 @@ impl GeneratePermutation {
     /// The WGSL of its samples alone: `sample_of` and what it needs, but for `words`.
     pub fn samples(self) -> String {
         let fixed = format!(
-            "const NET: bool = {};\nconst LENS: u32 = {}u;\nconst TIME: bool = {};\nconst MOVES: bool = {};\n",
+            "const NET: bool = {};\nconst LENS: u32 = {}u;\nconst TIME: bool = {};\nconst MOVES: bool = {};\nconst LENS_CHANGES: bool = {};\n",
             self.net,
             self.lens as u32,
             self.time != TimeKind::Still,
             self.time == TimeKind::CameraMoves,
+            self.lens_changes,
         );
         fixed + include_str!("../wgsl/sample.wgsl")
     }

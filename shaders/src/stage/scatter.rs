@@ -24,6 +24,7 @@ pub fn scatter_source(net: bool) -> String {
         net,
         lens: super::LensKind::Pinhole,
         time: super::TimeKind::Still,
+        lens_changes: false,
     };
     [
         samples.samples().as_str(),

@@ -9,6 +9,8 @@ pub struct ShadePermutation {
     pub time: bool,
     /// The camera moves.
     pub camera_moves: bool,
+    /// Its lens, film back or exposure changes.
+    pub lens_changes: bool,
     /// Something is not opaque: what rays meet is taken in layer by layer.
     pub layers: bool,
     /// What is kept beside colours.
@@ -80,11 +82,12 @@ impl ShadePermutation {
     /// All there are.
     pub fn all() -> impl Iterator<Item = Self> {
         KeptValues::all().flat_map(|values| {
-            (0..16).map(move |i| Self {
+            (0..32).map(move |i| Self {
                 color: i & 1 != 0,
                 time: i & 2 != 0,
                 camera_moves: i & 4 != 0,
                 layers: i & 8 != 0,
+                lens_changes: i & 16 != 0,
                 values,
             })
         })
@@ -93,10 +96,11 @@ impl ShadePermutation {
     /// The WGSL of the stage; its entry point is `shade`.
     pub fn source(self) -> String {
         let fixed = format!(
-            "const COLOR: bool = {};\nconst TIME: bool = {};\nconst MOVES: bool = {};\nconst NORMALS: bool = {};\n",
+            "const COLOR: bool = {};\nconst TIME: bool = {};\nconst MOVES: bool = {};\nconst LENS_CHANGES: bool = {};\nconst NORMALS: bool = {};\n",
             self.color,
             self.time,
             self.camera_moves,
+            self.lens_changes,
             self.values.normal || self.values.n_eye,
         );
         [
@@ -107,6 +111,7 @@ impl ShadePermutation {
             include_str!("../wgsl/place.wgsl"),
             include_str!("../wgsl/circle.wgsl"),
             include_str!("../wgsl/pose.wgsl"),
+            include_str!("../wgsl/lens.wgsl"),
             include_str!("../wgsl/shade.wgsl"),
             &self.values.source(),
             &self.main(),

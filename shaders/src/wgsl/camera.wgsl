@@ -139,16 +139,17 @@ fn clipped(origin: vec3<f32>, dir: vec3<f32>, range: vec2<f32>) -> vec2<f32> {
 }
 
 // The ray through a place of the image and of the lens' opening: core's Camera::ray.
-fn camera_ray(raster: vec2<f32>, lens_at: vec2<f32>, time: f32) -> Ray {
+fn camera_ray(raster: vec2<f32>, point: vec2<f32>, time: f32) -> Ray {
+    let now = lens_at(time);
     let by = raster / camera.resolution;
-    let at = vec2<f32>(camera.corner.x + camera.window_size.x * by.x, camera.corner.y - camera.window_size.y * by.y);
+    let at = vec2<f32>(now.corner.x + now.window_size.x * by.x, now.corner.y - now.window_size.y * by.y);
     let orthographic = camera.orthographic != 0u;
     var origin = vec3<f32>(select(vec2<f32>(0.0), at, orthographic), 0.0);
     var dir = vec3<f32>(select(at, vec2<f32>(0.0), orthographic), -1.0);
     if LENS != PINHOLE {
-        let lens = lens_at * camera.lens_radius;
+        let lens = point * now.radius;
         origin += vec3<f32>(lens, 0.0);
-        dir -= vec3<f32>(lens / camera.focus_distance, 0.0);
+        dir -= vec3<f32>(lens / now.focus_distance, 0.0);
     }
     var range = camera.clipping;
     if camera.plane_count != 0u {

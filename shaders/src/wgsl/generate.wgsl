@@ -5,7 +5,7 @@
 // samples have times, the rays of a block stand in another order: first the earliest of each pixel, then the next, since
 // those that go through the tree together should see it at nearly one instant.
 
-// The permutation fixes NET, LENS and TIME, as sample.wgsl has them, and MOVES: the camera does.
+// The permutation fixes NET, LENS and TIME, as sample.wgsl has them, MOVES: the camera does, and LENS_CHANGES: its lens does.
 
 @group(0) @binding(0) var<uniform> camera: Camera;
 @group(0) @binding(1) var<storage, read> tables: array<u32>;
@@ -69,11 +69,11 @@ fn generate(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_i
                 place = take_place(&free, (drawn.time * own.count) >> 24u);
             }
         }
-        var lens_at = vec2<f32>(0.0);
+        var point = vec2<f32>(0.0);
         if LENS != PINHOLE {
-            lens_at = lens_point(drawn.lens);
+            point = lens_point(drawn.lens);
         }
-        var ray = camera_ray(vec2<f32>(pixel) + 0.5 + offset, lens_at, time);
+        var ray = camera_ray(vec2<f32>(pixel) + 0.5 + offset, point, time);
         ray.number = at.first_ray + i * at.step;
         ray.weight = across.y * down.y;
         ray.distance2 = dot(offset, offset);

@@ -221,6 +221,9 @@ struct Camera {
     // Clipping planes in camera space: normals and offsets.
     planes: u32,
     plane_count: u32,
+    // Of a lens that changes: what lens.wgsl has, and how many keys.
+    lens_path: u32,
+    lens_keys: u32,
 }
 
 // Samples of the pixels of a tile.

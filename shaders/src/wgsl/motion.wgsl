@@ -32,7 +32,8 @@ fn projected(p: vec3<f32>, time: f32) -> Raster {
         }
         at /= -seen.z;
     }
-    let unit = vec2<f32>(at.x - camera.corner.x, camera.corner.y - at.y) / camera.window_size;
+    let now = lens_at(time);
+    let unit = vec2<f32>(at.x - now.corner.x, now.corner.y - at.y) / now.window_size;
     return Raster(unit * camera.resolution, true);
 }
 

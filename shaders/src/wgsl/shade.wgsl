@@ -5,7 +5,7 @@
 // view, from either side.
 
 // The permutation fixes COLOR (colours are asked for, else only what is covered), TIME (something moves), MOVES (the
-// camera does) and NORMALS (these are kept, in whatever space).
+// camera does), LENS_CHANGES (its lens does) and NORMALS (these are kept, in whatever space).
 
 @group(1) @binding(0) var<storage, read> looks: array<Look>;
 @group(1) @binding(1) var<storage, read> paints: array<u32>;
@@ -137,6 +137,9 @@ fn painted(look: Look, cell: Cell, time: f32) -> vec3<f32> {
 
 // Radiance of a surface that has this normal.
 fn radiance(look: Look, cell: Cell, n: vec3<f32>, time: f32) -> vec3<f32> {
-    let light = launch.light * abs(to_camera(n, time).z);
+    var light = launch.light * abs(to_camera(n, time).z);
+    if LENS_CHANGES {
+        light *= lens_at(time).exposure;
+    }
     return painted(look, cell, time) * light;
 }

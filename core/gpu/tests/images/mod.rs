@@ -11,7 +11,7 @@ use hdtrapeze_core::render::{
 };
 use hdtrapeze_core::scene::{
     Backend, CameraDesc, Geometry, ImplicitDesc, ImplicitKind, InstanceArrays, InstancerDesc,
-    Interpolation, MeshDesc, PointsSamples, PrimCommon, PrimDesc, PrimId, PrimvarDesc,
+    Interpolation, LensSample, MeshDesc, PointsSamples, PrimCommon, PrimDesc, PrimId, PrimvarDesc,
     PrimvarSample, PrimvarValues, RenderSettings, Samples, Scene, TransformSamples,
 };
 use hdtrapeze_core::surface::{MeshTopology, Scheme};
@@ -248,6 +248,24 @@ pub fn everything() -> Scene {
         let turned =
             DMat4::from_translation(DVec3::new(0.2, 0.3, 6.2)) * DMat4::from_rotation_y(0.2);
         camera.transform = at(&[DMat4::from_translation(DVec3::Z * 6.0), turned]);
+    });
+    scene
+}
+
+/// Focus, focal length, f-number, film back and exposure change while the shutter is open.
+pub fn changing_lens() -> Scene {
+    let mut scene = stage();
+    shoot(&mut scene, |camera| {
+        let sample = |time: f64| LensSample {
+            time,
+            focal_length: 2.5 + time,
+            f_stop: 0.6 + 0.2 * time,
+            focus_distance: 5.0 + 3.0 * time,
+            horizontal_aperture_offset: 0.1 * time,
+            exposure_scale: 1.0 + time,
+            ..camera.lens()
+        };
+        camera.lens_samples = vec![sample(0.0), sample(0.4), sample(1.0)];
     });
     scene
 }
