@@ -224,15 +224,36 @@ impl Device {
 
     /// Waits for what was submitted last.
     pub(crate) fn wait(&self, submission: wgpu::SubmissionIndex) -> Result<(), GpuError> {
+        self.wait_for(submission, PATIENCE)
+    }
+
+    /// Waits until all that was submitted has run. A device that takes longer than `patience` counts as lost.
+    ///
+    /// # Errors
+    /// It failed or is lost.
+    pub fn finish(&self, patience: Duration) -> Result<(), GpuError> {
+        self.wait_for(self.queue.submit([]), patience)
+    }
+
+    fn wait_for(
+        &self,
+        submission: wgpu::SubmissionIndex,
+        patience: Duration,
+    ) -> Result<(), GpuError> {
         let poll = wgpu::PollType::Wait {
             submission_index: Some(submission),
-            timeout: Some(PATIENCE),
+            timeout: Some(patience),
         };
         let waited = self.device.poll(poll);
         self.check()?;
-        waited.map(drop).map_err(|error| GpuError::Lost {
-            name: self.found.name.clone(),
-            why: error.to_string(),
+        waited.map(drop).map_err(|error| {
+            let lost = GpuError::Lost {
+                name: self.found.name.clone(),
+                why: error.to_string(),
+            };
+            // Nobody is to wait for it again.
+            let mut fault = self.fault.lock().unwrap_or_else(PoisonError::into_inner);
+            fault.get_or_insert(lost).clone()
         })
     }
 

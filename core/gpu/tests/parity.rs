@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use glam::{DVec3, Vec3};
 use hdtrapeze_core::trace::{Hit, InstanceTransform, Ray, TraceCounts, World, brute};
-use hdtrapeze_gpu::{GpuError, GpuScene, Occluder, Tracer};
+use hdtrapeze_gpu::{Device, GpuError, GpuScene, Occluder, Tracer};
 use libtest_mimic::Failed;
 use support::*;
 use trace_scenes::*;
@@ -253,6 +253,32 @@ fn layered(tracer: &Tracer, world: &World, most: u64, least_layers: usize) -> Re
     Ok(())
 }
 
+/// A device that does not come to an end is lost, and stays so: nobody waits for it twice.
+fn hangs(_: &Tracer) -> Result<(), Failed> {
+    let device = Arc::new(Device::open()?);
+    let scene = GpuScene::new(&device, &world_of(sheet(8, 9, &keys(2))))?;
+    let occluder = Occluder::new(Arc::clone(&device));
+    let mut rng = Rng(8);
+    let rays: Vec<Ray> = (0..30_000).map(|_| random_ray(&mut rng)).collect();
+    let there = occluder.upload(&rays)?;
+    device.finish(Duration::from_secs(100))?;
+    // It may have been quick.
+    let told = (0..50).find_map(|_| {
+        let begun = occluder.occlude(&scene, &there, false);
+        begun.and_then(|_| device.finish(Duration::ZERO)).err()
+    });
+    let Some(lost @ GpuError::Lost { .. }) = told else {
+        return Err(format!("{told:?}").into());
+    };
+    if device.check() != Err(lost) {
+        return Err(format!("{:?}", device.check()).into());
+    }
+    match occluder.occlude(&scene, &there, false) {
+        Err(GpuError::Lost { .. }) => Ok(()),
+        other => Err(format!("{other:?}").into()),
+    }
+}
+
 /// What no page holds is refused in words, and the device goes on working.
 fn too_large(tracer: &Tracer) -> Result<(), Failed> {
     // Less than the vertices of a grid.
@@ -293,6 +319,7 @@ fn main() {
         Box::new(|tracer| agree_on(tracer, &coincident(5), 300)),
     );
     add("scenes_that_are_too_large".to_owned(), Box::new(too_large));
+    add("a_device_that_hangs".to_owned(), Box::new(hangs));
     let worlds: [Paged; 5] = [
         ("sheet", || world_of(sheet(8, 9, &keys(2))), 20_000, 5),
         (

@@ -438,12 +438,15 @@ impl Trees {
             runner.run(clock, stage, &steps, &[&buffers])?;
             steps.clear();
             let now = read_state(device, state)?;
-            let level = now.level as usize;
-            next = now.levels[level + 1] - now.levels[level];
+            let Some((levels, count)) = opened_levels(&now, most) else {
+                return Err(Unmade::Failed(GpuError::Failed {
+                    name: device.found().name.clone(),
+                    why: "levels of its trees make no sense".to_owned(),
+                }));
+            };
+            next = count;
             if next == 0 {
-                self.levels = now.levels[..=level].to_vec();
-                // Levels were opened that have no nodes.
-                self.levels.dedup();
+                self.levels = levels;
             } else if now.level == LAST_LEVEL {
                 return Err(Unmade::Deep);
             }
@@ -518,9 +521,47 @@ impl Trees {
     }
 }
 
+/// The first node of each level that has some, and the one after the last, and how many nodes of the next level there are; none
+/// where there are more than `most`, or numbers that no stage gives.
+fn opened_levels(now: &BuildState, most: u32) -> Option<(Vec<u32>, u32)> {
+    let level = now.level as usize;
+    let all = now.levels.get(..=level.checked_add(1)?)?;
+    let &[.., begin, end] = all else {
+        return None;
+    };
+    let mut levels = all[..=level].to_vec();
+    // Levels were opened that have no nodes.
+    levels.dedup();
+    (all.is_sorted() && end <= most).then_some((levels, end - begin))
+}
+
 fn read_state(device: &Device, state: &wgpu::Buffer) -> Result<BuildState, GpuError> {
     let mut now = [bytemuck::Zeroable::zeroed()];
     device.fetch(state, &mut now)?;
     let [now] = now;
     Ok(now)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_levels_that_ascend_are_taken() {
+        let state = |level: u32, first: &[u32]| {
+            let mut state: BuildState = bytemuck::Zeroable::zeroed();
+            state.level = level;
+            state.levels[..first.len()].copy_from_slice(first);
+            state
+        };
+        let told = |level, first| opened_levels(&state(level, first), 100);
+        assert_eq!(told(2, &[0, 1, 9, 40]), Some((vec![0, 1, 9], 31)));
+        assert_eq!(told(3, &[0, 1, 9, 9, 9]), Some((vec![0, 1, 9], 0)));
+        assert_eq!(told(0, &[0, 0]), Some((vec![0], 0)));
+        assert_eq!(told(2, &[0, 9, 1, 40]), None);
+        assert_eq!(told(2, &[0, 1, 9, 101]), None);
+        for level in [255, 1000, u32::MAX] {
+            assert_eq!(told(level, &[]), None);
+        }
+    }
 }
