@@ -321,6 +321,41 @@ fn order_and_batches_change_nothing() {
     assert_eq!(alone.rays, batch.rays);
 }
 
+/// Ribbons of one micropolygon and of two, and of parts of two with one left, along u and along v.
+fn parts(keys: &[f32]) -> DicedMesh {
+    const RATES: [(u16, u16); 8] = [
+        (1, 1),
+        (1, 2),
+        (2, 1),
+        (1, 3),
+        (1, 9),
+        (7, 1),
+        (16, 1),
+        (1, 16),
+    ];
+    let mut rng = Rng(41);
+    let who: Vec<_> = (0..400)
+        .map(|_| {
+            (
+                rng.cube(),
+                rng.direction() * 0.6,
+                rng.direction() * 0.1,
+                rng.cube() * 0.2,
+            )
+        })
+        .collect();
+    let rates: Vec<_> = RATES.into_iter().cycle().take(who.len()).collect();
+    mesh(&rates, keys, |g, u, v, t| {
+        let (at, along, across, by) = who[g];
+        let (u, v) = if rates[g].0 > rates[g].1 {
+            (v, u)
+        } else {
+            (u, v)
+        };
+        at + along * v + across * (u + v * v) + by * (t + t * t)
+    })
+}
+
 #[test]
 fn instruction_sets_and_packets_give_the_same_hits() {
     // Packets that hold together, and packets of rays that have nothing to do with each other.
@@ -331,6 +366,8 @@ fn instruction_sets_and_packets_give_the_same_hits() {
         world_of(patches(60, 8, &keys(3), 5)),
         world_of(fur(300, &keys(2), 6)),
         world_of(combed(300, 0.01, &keys(2), 6)),
+        world_of(parts(&keys(1))),
+        world_of(parts(&keys(3))),
         World::build(
             (0..5u32)
                 .map(|i| {

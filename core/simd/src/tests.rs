@@ -58,6 +58,9 @@ impl Kernel for Everything {
         let (a16, b16) = (s.from16(&a), s.from16(&b));
         put(s.swapped(a16));
         s.zip(a16, b16).into_iter().for_each(&mut put);
+        let (fours, _) = a.as_chunks::<4>();
+        put(s.fours([&fours[3], &fours[1], &fours[1], &fours[0]]));
+        s.copies_in_fours(a16).into_iter().for_each(&mut put);
         let less = a16.lt(s.swapped(a16));
         let (less, equal) = (less | s.swapped(a16).lt(a16), b16.le(-s.swapped(b16)));
         let bits = s.more_bits(s.no_bits(), less, 63);
@@ -106,6 +109,12 @@ impl Kernel for Everything {
                 out.extend((0..5).map(|c| lattice.to_array()[s.lane(c, row)].to_bits()));
             }
             for corner in s.triangles(lattice) {
+                out.extend(corner.to_array().map(f32::to_bits));
+            }
+            for corner in [false, true]
+                .map(|down| s.two_cells(lattice, down))
+                .as_flattened()
+            {
                 out.extend(corner.to_array().map(f32::to_bits));
             }
         }
@@ -254,4 +263,23 @@ fn triangles_are_those_of_the_lattice() {
             [first, first + 11.0, first + 10.0]
         );
     }
+    let lattice = Scalar.lattice(&plane, 0, 5);
+    for (down, second) in [(false, 1), (true, 4)] {
+        let two = Scalar.two_cells(lattice, down);
+        for lane in 0..16 {
+            let of = [0, 8, second, second + 8][lane % 4];
+            let [all, two] = [corners, two].map(|x| x.map(|corner| corner.to_array()));
+            assert_eq!(two.map(|x| x[lane]), all.map(|x| x[of]), "lane {lane}");
+        }
+    }
+}
+
+#[test]
+fn fours_are_joined_and_copied() {
+    let a: [f32; 16] = std::array::from_fn(|i| i as f32);
+    let (fours, _) = a.as_chunks::<4>();
+    let joined = Scalar.fours([&fours[2], &fours[0], &fours[1], &fours[3]]);
+    assert_eq!(joined.to_array()[..6], [8.0, 9.0, 10.0, 11.0, 0.0, 1.0]);
+    let copies = Scalar.copies_in_fours(joined);
+    assert_eq!(copies[1].to_array()[2..6], [9.0, 9.0, 1.0, 1.0]);
 }

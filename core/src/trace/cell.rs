@@ -202,7 +202,16 @@ impl CellRay {
 /// rounded edge functions do not differ in sign.
 #[inline(always)]
 pub(super) fn candidates<S: Simd>(simd: S, x: S::F16, y: S::F16) -> u32 {
-    let ([ax, bx, cx], [ay, by, cy]) = (simd.triangles(x), simd.triangles(y));
+    maybe_hit(simd, simd.triangles(x), simd.triangles(y))
+}
+
+/// Those of 16 triangles, whose corners are given, that [`candidates`] tells.
+#[inline(always)]
+pub(super) fn maybe_hit<S: Simd>(
+    simd: S,
+    [ax, bx, cx]: [S::F16; 3],
+    [ay, by, cy]: [S::F16; 3],
+) -> u32 {
     let ab = ax * by - ay * bx;
     let bc = bx * cy - by * cx;
     let ca = cx * ay - cy * ax;

@@ -3,7 +3,7 @@
 use hdtrapeze_simd::{Float, Mask, Part, Simd};
 
 use super::cell::CellRay;
-use super::packet::{All, LANES, PACKET, Rays, VECTORS, load3, part, split};
+use super::packet::{All, LANES, Lanes, PACKET, Rays, VECTORS, load3, part, split};
 
 /// Rays prepared for the micropolygons of one mesh; see [`CellRay`].
 pub struct CellRays {
@@ -13,15 +13,15 @@ pub struct CellRays {
     pub z_axis: [u8; PACKET],
     /// Segment of keys.
     pub key: [u32; PACKET],
-    /// Origins, in the order of the axes.
-    pub origin: [All; 3],
-    /// `dir[x] / dir[z]` and `dir[y] / dir[z]` in these axes.
-    pub slope: [All; 2],
-    /// Component of the direction that it is longest on.
-    pub dir_z: All,
     /// Fraction inside the segment of keys.
     pub fraction: All,
+    /// Each ray's numbers.
+    pub rays: [CellLanes; PACKET],
 }
+
+/// What micropolygons ask of a ray: its origin in the order of its axes, and the fraction inside its segment of keys; then
+/// `dir[x] / dir[z]` and `dir[y] / dir[z]` in these axes, `dir[z]`, and a number without meaning.
+pub type CellLanes = [[f32; 4]; 2];
 
 impl CellRays {
     /// Prepares the rays `sound`, of which there is one or more.
@@ -41,11 +41,10 @@ impl CellRays {
             like: [sound; PACKET],
             z_axis: [0; PACKET],
             key: [0; PACKET],
-            origin: [[[0.0; LANES]; VECTORS]; 3],
-            slope: [[[0.0; LANES]; VECTORS]; 2],
-            dir_z: [[1.0; LANES]; VECTORS],
             fraction: [[0.0; LANES]; VECTORS],
+            rays: [[[0.0; 4]; 2]; PACKET],
         };
+        let mut sheared = [Sheared::default(); VECTORS];
         let (v, lane) = split(sound.trailing_zeros() as usize);
         let Some(first) = rays.get(v) else {
             return out;
@@ -62,12 +61,11 @@ impl CellRays {
             // The rules of `axes_of`: a component wins ties against those before it in x, y, z.
             let same = wins(z, x, axes[2] < axes[0]) & wins(z, y, axes[2] < axes[1]);
             agree &= same.bits() & sound == sound;
-            out.slope[0][v] = x.over(z).to_array();
-            out.slope[1][v] = y.over(z).to_array();
-            out.dir_z[v] = rays.dir[axes[2]];
-            for (to, &axis) in out.origin.iter_mut().zip(&axes) {
-                to[v] = rays.origin[axis];
-            }
+            sheared[v] = Sheared {
+                origin: axes.map(|axis| rays.origin[axis]),
+                slope: [x.over(z).to_array(), y.over(z).to_array()],
+                dir_z: rays.dir[axes[2]],
+            };
             if let [a, b] = key_times {
                 // As `locate_key` has it.
                 let (zero, one) = (simd.all16(0.0), simd.all16(1.0));
@@ -77,7 +75,7 @@ impl CellRays {
             }
         }
         if !agree {
-            out.each_with_its_axes(simd, rays);
+            out.each_with_its_axes(simd, rays, &mut sheared);
         }
         if key_times.len() > 2 {
             for (v, rays) in rays.iter().enumerate().take(VECTORS) {
@@ -87,12 +85,25 @@ impl CellRays {
         if !agree || key_times.len() > 2 {
             out.sort(simd, sound);
         }
+        let runs = out.rays.chunks_exact_mut(LANES);
+        for (v, (sheared, to)) in sheared[..rays.len().min(VECTORS)]
+            .iter()
+            .zip(runs)
+            .enumerate()
+        {
+            sheared.lanes(simd, &out.fraction[v], to);
+        }
         out
     }
 
     /// As [`CellRay::axes_of`] and [`axes_with`](super::packet::axes_with) have it, for rays that do not agree.
     #[inline(always)]
-    fn each_with_its_axes<S: Simd>(&mut self, simd: S, rays: &[Rays]) {
+    fn each_with_its_axes<S: Simd>(
+        &mut self,
+        simd: S,
+        rays: &[Rays],
+        sheared: &mut [Sheared; VECTORS],
+    ) {
         for (v, rays) in rays.iter().enumerate().take(VECTORS) {
             let (dir, origin) = (load3(simd, &rays.dir), load3(simd, &rays.origin));
             let [x, y, z] = [dir[0].abs(), dir[1].abs(), dir[2].abs()];
@@ -105,12 +116,11 @@ impl CellRays {
                 ]
             };
             let (dir, origin) = (turned(dir), turned(origin));
-            self.slope[0][v] = dir[0].over(dir[2]).to_array();
-            self.slope[1][v] = dir[1].over(dir[2]).to_array();
-            self.dir_z[v] = dir[2].to_array();
-            for (to, origin) in self.origin.iter_mut().zip(origin) {
-                to[v] = origin.to_array();
-            }
+            sheared[v] = Sheared {
+                origin: origin.map(S::F16::to_array),
+                slope: [dir[0].over(dir[2]), dir[1].over(dir[2])].map(S::F16::to_array),
+                dir_z: dir[2].to_array(),
+            };
             let (along_x, along_y) = (along_x.bits(), along_y.bits());
             for (lane, z_axis) in self.z_axis[LANES * v..].iter_mut().take(LANES).enumerate() {
                 let is = |along: u32| along >> lane & 1 == 1;
@@ -167,6 +177,46 @@ impl CellRays {
             while left != 0 {
                 self.like[left.trailing_zeros() as usize & (PACKET - 1)] = like;
                 left &= left - 1;
+            }
+        }
+    }
+}
+
+/// Rays of a vector, as they are sheared.
+#[derive(Clone, Copy, Default)]
+struct Sheared {
+    origin: [Lanes; 3],
+    slope: [Lanes; 2],
+    dir_z: Lanes,
+}
+
+impl Sheared {
+    /// Each ray's numbers.
+    #[inline(always)]
+    fn lanes<S: Simd>(&self, simd: S, fraction: &Lanes, to: &mut [CellLanes]) {
+        let from = |lanes: &Lanes| simd.from16(lanes);
+        let ([x, y, z], [slope_x, slope_y]) = (self.origin.each_ref(), self.slope.each_ref());
+        let [x, y, z, fraction] = [from(x), from(y), from(z), from(fraction)];
+        let [slope_x, slope_y, dir_z] = [from(slope_x), from(slope_y), from(&self.dir_z)];
+        // Numbers four apart, two apart and next to each other come together in turns.
+        let first = [simd.zip(x, slope_x), simd.zip(z, dir_z)];
+        let second = [simd.zip(y, slope_y), simd.zip(fraction, dir_z)];
+        for half in 0..2 {
+            let even = simd.zip(first[0][half], first[1][half]);
+            let odd = simd.zip(second[0][half], second[1][half]);
+            for quarter in 0..2 {
+                for (i, two) in simd
+                    .zip(even[quarter], odd[quarter])
+                    .into_iter()
+                    .enumerate()
+                {
+                    let at = 8 * half + 4 * quarter + 2 * i;
+                    let two = two.to_array();
+                    to[at..at + 2]
+                        .as_flattened_mut()
+                        .as_flattened_mut()
+                        .copy_from_slice(&two);
+                }
             }
         }
     }

@@ -4,7 +4,7 @@
 //! deep in a tree is met by a few, scattered over the packet, and what the end of a loop costs, where
 //! rays are many or few, is paid once a node.
 
-use hdtrapeze_simd::{Float, Part, Simd};
+use hdtrapeze_simd::{Float, Mask, Part, Simd};
 
 use super::packet::{LANES, PACKET, Ranges, Slabs};
 use crate::bvh::Bounds8;
@@ -30,23 +30,31 @@ impl Entered {
 
     /// Children that were entered, the nearest first, and their number.
     #[inline(always)]
-    pub fn by_distance(&self) -> ([usize; 8], usize) {
+    pub fn by_distance<S: Simd>(&self, simd: S) -> ([usize; 8], usize) {
+        let near = simd.from16(&self.near);
         let mut slots = [0; 8];
-        let mut count = 0;
         let mut rest = self.children;
+        // Bits of the lanes that count: one of each pair.
+        let entered = spread(self.children);
         while rest != 0 {
             let slot = (rest.trailing_zeros() & 7) as usize;
             rest &= rest - 1;
-            let mut i = count & 7;
-            while i > 0 && self.near(slots[i - 1]) > self.near(slot) {
-                slots[i] = slots[i - 1];
-                i -= 1;
-            }
-            slots[i] = slot;
-            count += 1;
+            let own = simd.all16(self.near(slot));
+            // Its place follows from how many are nearer, or as near and before it. No distance is NaN.
+            let before = (1u32 << (2 * slot)) - 1;
+            let nearer = near.lt(own).bits() | near.le(own).bits() & before;
+            slots[(nearer & entered).count_ones() as usize & 7] = slot;
         }
-        (slots, count)
+        (slots, self.children.count_ones() as usize)
     }
+}
+
+/// Bit `i` of 8 moved to bit `2 i`.
+#[inline(always)]
+fn spread(bits: u32) -> u32 {
+    let bits = (bits | bits << 4) & 0x0f0f;
+    let bits = (bits | bits << 2) & 0x3333;
+    (bits | bits << 1) & 0x5555
 }
 
 /// Tests the rays `lanes` against 8 children, each between its own `t_min` and `t_max`, which `ranges` gives: the

@@ -27,6 +27,7 @@ pub mod shading;
 pub mod sides;
 mod traverse;
 mod traverse_packet;
+mod two_cells;
 pub mod world;
 
 pub use deferred::Deferred;

@@ -9,7 +9,7 @@ use hdtrapeze_simd::{Float, Simd};
 
 use super::cell::{CellHit, candidates, exact, lane_mask};
 use super::cell_rays::CellRays;
-use super::packet::{LANES, Lanes, PACKET, axes_with, split};
+use super::packet::{LANES, Lanes, PACKET, axes_with};
 use crate::bvh::block::CellRect;
 use crate::grid::PlanarMesh;
 
@@ -118,18 +118,19 @@ impl Pairs {
         let mut rest = rays;
         while rest != 0 {
             let ray = rest.trailing_zeros();
-            let (v, lane) = split(ray as usize);
             rest &= rest - 1;
+            let [[ox, oy, oz, fraction], [slope_x, slope_y, ..]] =
+                &cells.rays[ray as usize & (PACKET - 1)];
             let mut corner = p;
-            for a in 0..3 {
+            for (a, origin) in [ox, oy, oz].into_iter().enumerate() {
                 if MOVING {
-                    corner[a] = p[a] + step[a] * simd.all16(cells.fraction[v][lane]);
+                    corner[a] = p[a] + step[a] * simd.all16(*fraction);
                 }
-                corner[a] = corner[a] - simd.all16(cells.origin[a][v][lane]);
+                corner[a] = corner[a] - simd.all16(*origin);
             }
             let z = corner[2];
-            let x = corner[0] - z * simd.all16(cells.slope[0][v][lane]);
-            let y = corner[1] - z * simd.all16(cells.slope[1][v][lane]);
+            let x = corner[0] - z * simd.all16(*slope_x);
+            let y = corner[1] - z * simd.all16(*slope_y);
             let found = candidates(simd, x, y) & mask;
             let at = count & (MOST - 1);
             self.vertices[at] = [x.to_array(), y.to_array(), z.to_array()];
@@ -151,8 +152,8 @@ impl Pairs {
         let count = self.count.min(MOST);
         for (pair, [x, y, z]) in self.pairs[..count].iter().zip(&self.vertices) {
             let ray = pair.ray as usize;
-            let (v, lane) = split(ray);
-            let dir_z = f64::from(cells.dir_z[v][lane]);
+            let [_, [.., dir_z, _]] = cells.rays[ray & (PACKET - 1)];
+            let dir_z = f64::from(dir_z);
             let mut found = pair.found;
             while found != 0 {
                 let bit = found.trailing_zeros() as usize;

@@ -12,7 +12,7 @@ use super::packet::{All, LANES, PACKET, Packet, Ranges, Rays, Slabs, VECTORS, pa
 use super::pairs::{Pairs, expect};
 use super::relative::SeenMany;
 use super::traverse::Target;
-use super::{Hit, TraceCounts};
+use super::{Hit, TraceCounts, two_cells};
 use crate::bvh::block::{CellRect, loose};
 use crate::bvh::object::{BlockTree, loose_group};
 use crate::bvh::{Bounds8, ObjectGeometry, Tree};
@@ -165,7 +165,7 @@ pub(super) fn walk_packet<S: Simd, B: Bounds8>(
             let found = enter_packet(simd, &node.bounds, node.valid, slabs, rays, &queries.ranges);
             if found.children != 0 {
                 // The nearest child is next; the others wait, nearer ones on top.
-                let (slots, count) = found.by_distance();
+                let (slots, count) = found.by_distance(simd);
                 for &slot in slots[1..count].iter().rev() {
                     room.waiting.push(Waiting {
                         near: found.near(slot),
@@ -367,7 +367,47 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
             let one = rays.trailing_zeros() as usize & (PACKET - 1);
             let like = rays & cells.like[one];
             rays &= !cells.like[one];
-            self.pairs(grid, rect, (one, like), cells, pairs, queries);
+            if two_cells::is_small(rect) {
+                self.two_cells(grid, rect, (one, like), cells, queries);
+            } else {
+                self.pairs(grid, rect, (one, like), cells, pairs, queries);
+            }
+        }
+    }
+
+    /// Tests a group of two cells, or one, by rays which agree on axes and key; the first is given.
+    #[inline(always)]
+    fn two_cells(
+        &self,
+        grid: u32,
+        rect: CellRect,
+        rays: (usize, u64),
+        cells: &CellRays,
+        queries: &mut Queries,
+    ) {
+        let (simd, mesh, instance) = (self.simd, self.mesh, self.instance);
+        if B::KEYS {
+            two_cells::test::<S, true>(
+                simd,
+                cells,
+                rays,
+                mesh,
+                grid,
+                rect,
+                #[inline(always)]
+                |ray, cell, hit| queries.offer(ray, hit.of(instance, grid, cell)),
+            );
+        } else {
+            two_cells::test::<S, false>(
+                simd,
+                cells,
+                rays,
+                mesh,
+                grid,
+                rect,
+                #[inline(always)]
+                |ray, cell, hit| queries.offer(ray, hit.of(instance, grid, cell)),
+            );
         }
     }
 
