@@ -87,6 +87,10 @@ impl GpuLooks {
                 if layers {
                     looks.push(paints.opacity(&cut, &look)?);
                 }
+                let primvars = prepared.primvar_paints(whole.instance);
+                for (floats, paint) in prepared.primvar_floats().zip(primvars) {
+                    looks.push(paints.primvar(&cut, floats, paint.as_ref())?);
+                }
             }
             time |= page.permutation.time || paints.time;
             let buffers = [
@@ -125,11 +129,14 @@ fn kept(prepared: &Prepared) -> KeptValues {
         normal,
         n_eye,
         motion,
+        primvars,
     } = prepared.mean_values();
     KeptValues {
         normal,
         n_eye,
         motion,
+        primvars: prepared.primvar_floats().count() as u32,
+        floats: primvars as u32,
     }
 }
 
@@ -162,7 +169,9 @@ pub(crate) fn paints_of(prepared: &Prepared) -> pages::Paints {
             a_vertex: size_of_val(&mesh.normals[..]) as u64 / mesh.vertex_count.max(1) as u64,
             a_grid: 0,
         });
-        for of in [Some(look.color), look.opacity].into_iter().flatten() {
+        let primvars = prepared.primvar_paints(first).flatten();
+        let paints = [Some(look.color), look.opacity].into_iter().flatten();
+        for of in paints.chain(primvars) {
             let source = of.source;
             if !known.insert((object, std::ptr::from_ref::<Source>(source))) {
                 continue;
@@ -417,7 +426,22 @@ impl Paints {
         }
     }
 
-    /// A colour or an opacity.
+    /// A primvar of which so many floats are kept, as if it were a colour.
+    fn primvar(
+        &mut self,
+        cut: &Cut<'_>,
+        floats: usize,
+        paint: Option<&hdtrapeze_core::render::Paint<'_>>,
+    ) -> Result<Look, GpuError> {
+        let look = paint.map(|paint| self.paint(cut, paint)).transpose()?;
+        Ok(Look {
+            marks: floats as u32,
+            // Without any lanes it is 0.
+            ..look.unwrap_or_default()
+        })
+    }
+
+    /// A colour, an opacity or a primvar.
     fn paint(
         &mut self,
         cut: &Cut<'_>,

@@ -31,10 +31,6 @@ use libtest_mimic::Failed;
 
 /// What the device does not shade is left to the CPU, and said.
 fn others_are_shaded_here(stages: &Arc<Stages>) -> Result<(), Failed> {
-    let mut colors = stage();
-    set(&mut colors, |s| {
-        s.aovs.push("primvars:displayColor".to_owned());
-    });
     let mut huge = stage();
     shoot(&mut huge, |camera| {
         let sample = |f_stop: f64| LensSample {
@@ -45,7 +41,7 @@ fn others_are_shaded_here(stages: &Arc<Stages>) -> Result<(), Failed> {
         camera.lens_samples = vec![sample(1.0e60), sample(2.0e60)];
     });
     for (scene, first, why) in [
-        (colors, Stage::Generate, "the AOV primvars:displayColor"),
+        (with_mixed(stage()), Stage::Generate, MIXED),
         (huge, Stage::Trace, "lens"),
     ] {
         let prepared = prepared(&scene);
@@ -89,9 +85,9 @@ fn colours_take_room(stages: &Arc<Stages>) -> Result<(), Failed> {
     primvars.insert("displayColor".to_owned(), color);
     let there = scene(vec![painted]);
     let mut here = there.clone();
-    set(&mut here, |s| {
-        s.aovs.push("primvars:displayColor".to_owned());
-    });
+    here.prims
+        .insert(PrimId(9), Arc::new(ball("/ball", 0.1, &[DVec3::ZERO])));
+    let here = with_mixed(here);
     let pages = |scene: &Scene, first| -> Result<usize, Failed> {
         let options = FrameOptions {
             first,

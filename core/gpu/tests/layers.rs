@@ -198,13 +198,11 @@ fn what_turns_over_is_not_taken(stages: &Arc<Stages>) -> Result<(), Failed> {
 
 /// Where the CPU shades what the device traced, sides are passed through as well.
 fn the_cpu_shades(stages: &Arc<Stages>) -> Result<(), Failed> {
-    for mut scene in [sides(Cull::Back), veiled_sides(), coincident()] {
-        set(&mut scene, |s| {
-            s.aovs.push("primvars:displayColor".to_owned());
-        });
+    for scene in [sides(Cull::Back), veiled_sides(), coincident()] {
+        let scene = with_mixed(scene);
         let prepared = prepared_on(&scene, Backend::Gpu);
         let frame = GpuFrame::new(Arc::clone(stages), &prepared)?;
-        if !frame.explain().contains("the AOV primvars:displayColor") {
+        if !frame.explain().contains(MIXED) {
             return Err(frame.explain().into());
         }
         let there = rendered(&prepared, Some(&frame))?;

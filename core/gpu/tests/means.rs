@@ -1,4 +1,4 @@
-//! Normals, and where things go in the image, against the CPU's; as `frame.rs` has it for the rest.
+//! Normals, where things go in the image, and primvars against the CPU's; as `frame.rs` has it for the rest.
 
 #[path = "../../tests/support/mod.rs"]
 mod support;
@@ -10,9 +10,12 @@ use std::sync::{Arc, OnceLock};
 
 use device::Check;
 use glam::{DMat4, DVec3, Quat, Vec3};
-use hdtrapeze_core::aov::{Aov, AovData};
+use hdtrapeze_core::aov::Aov;
 use hdtrapeze_core::render::{RayTracer, Stage};
-use hdtrapeze_core::scene::{Backend, Interpolation, PrimDesc, PrimId, Projection, Samples, Scene};
+use hdtrapeze_core::scene::{
+    Backend, Interpolation, PrimDesc, PrimId, PrimvarDesc, PrimvarSample, PrimvarValues,
+    Projection, Samples, Scene,
+};
 use hdtrapeze_gpu::{Device, FirstOnDevice, GpuFrame, Stages};
 use images::*;
 use libtest_mimic::Failed;
@@ -114,6 +117,67 @@ fn veils() -> Scene {
     scene
 }
 
+/// Primvars of every kind, as AOVs: those of many widths, that change or stay, that some prims lack, and whole numbers.
+fn with_primvars(mut scene: Scene) -> Scene {
+    let spread = |interpolation, width: usize, count: usize| {
+        let values = (0..width * count).map(|i| (i * 7 % 23) as f32 / 9.0 - 0.7);
+        PrimvarDesc::still(interpolation, width, values.collect(), vec![])
+    };
+    let faded = |interpolation, width: usize, count: usize| {
+        let sample = |time: f64| PrimvarSample {
+            time,
+            values: Arc::new(PrimvarValues::Float(
+                (0..width * count)
+                    .map(|i| (i as f64 * time * 1.7).sin() as f32)
+                    .collect(),
+            )),
+            indices: Arc::default(),
+        };
+        PrimvarDesc {
+            samples: [0.0, 0.3, 1.0].map(sample).to_vec(),
+            ..PrimvarDesc::still(interpolation, width, vec![], vec![])
+        }
+    };
+    let whole = PrimvarDesc {
+        samples: vec![PrimvarSample {
+            time: 0.0,
+            values: Arc::new(PrimvarValues::Int(
+                (0..30).map(|i| i * i - 70_000).collect(),
+            )),
+            indices: Arc::default(),
+        }],
+        ..PrimvarDesc::still(Interpolation::Uniform, 1, vec![], vec![])
+    };
+    let of_sheet = [
+        ("constant", spread(Interpolation::Constant, 4, 1)),
+        ("faces", spread(Interpolation::Uniform, 1, 30)),
+        ("vertices", spread(Interpolation::Vertex, 2, 42)),
+        ("corners", spread(Interpolation::FaceVarying, 3, 120)),
+        ("fading", faded(Interpolation::Constant, 3, 1)),
+        ("fading_faces", faded(Interpolation::Uniform, 2, 30)),
+        ("fading_vertices", faded(Interpolation::Vertex, 4, 42)),
+        ("whole", whole),
+    ];
+    set(&mut scene, |settings| {
+        let names = of_sheet.iter().map(|(name, _)| format!("primvars:{name}"));
+        settings.aovs.extend(names);
+        settings.aovs.push("primvars:displayColor".to_owned());
+    });
+    for prim in scene.prims.values_mut() {
+        let common = &mut Arc::make_mut(prim).common;
+        if common.path.contains("sheet") {
+            let own = of_sheet
+                .iter()
+                .map(|(name, desc)| ((*name).to_owned(), desc.clone()));
+            common.primvars.extend(own);
+        } else {
+            let constant = spread(Interpolation::Constant, 4, 1);
+            common.primvars.insert("constant".to_owned(), constant);
+        }
+    }
+    scene
+}
+
 /// A side that is the front or the back by the time is left to the CPU where normals are asked for, and said.
 fn normals_that_turn_over_are_not_taken(stages: &Arc<Stages>) -> Result<(), Failed> {
     let mut prim = sheet("/sheet", &[0.0], Interpolation::Uniform);
@@ -135,26 +199,20 @@ fn normals_that_turn_over_are_not_taken(stages: &Arc<Stages>) -> Result<(), Fail
 
 /// Each AOV alone is as it is among the others, bit for bit.
 fn one_alone_is_as_among_others(stages: &Arc<Stages>) -> Result<(), Failed> {
-    for scene in [everything(), veils()] {
-        let image = |aovs: &[Aov], aov: &Aov| -> Result<Vec<u32>, Failed> {
-            let mut scene = scene.clone();
-            set(&mut scene, |settings| {
-                settings.aovs = aovs.iter().map(|aov| aov.name().to_owned()).collect();
-            });
-            let prepared = prepared_on(&scene, Backend::Gpu);
-            let frame = GpuFrame::new(Arc::clone(stages), &prepared)?;
-            match rendered(&prepared, Some(&frame))?
-                .aov(aov)
-                .map(|image| image.data)
-            {
-                Some(AovData::F32(data)) => Ok(data.iter().map(|x| x.to_bits()).collect()),
-                _ => Err("it is not there".into()),
-            }
-        };
-        for aov in MEANS {
-            if image(std::slice::from_ref(&aov), &aov)? != image(&MEANS, &aov)? {
-                return Err(format!("{} differs", aov.name()).into());
-            }
+    let frame_of = |aovs: &[Aov]| {
+        let mut scene = everything();
+        set(&mut scene, |settings| {
+            settings.aovs = aovs.iter().map(|aov| aov.name().to_owned()).collect();
+        });
+        let prepared = prepared_on(&scene, Backend::Gpu);
+        let frame = GpuFrame::new(Arc::clone(stages), &prepared)?;
+        rendered(&prepared, Some(&frame))
+    };
+    let all = frame_of(&MEANS)?;
+    for aov in MEANS {
+        let alone = frame_of(std::slice::from_ref(&aov))?;
+        if !different(&alone, &all, &aov, 0.0)?.is_empty() {
+            return Err(format!("{} differs", aov.name()).into());
         }
     }
     Ok(())
@@ -170,7 +228,6 @@ fn scenes() -> Vec<(&'static str, Scene)> {
     set(&mut colorless, |s| s.aovs.retain(|aov| aov != "color"));
     vec![
         ("still", stage()),
-        ("everything", everything()),
         ("colorless", colorless),
         ("moving_mesh", scene(vec![moving])),
         ("moving_normals", scene(vec![leaning])),
@@ -183,7 +240,10 @@ fn scenes() -> Vec<(&'static str, Scene)> {
         ("moving_camera", moving_camera(Projection::Perspective)),
         ("rays_side_by_side", moving_camera(Projection::Orthographic)),
         ("changing_lens", changing_lens()),
-        ("veils", veils()),
+        ("primvars", with_primvars(stage())),
+        ("primvars_of_everything", with_primvars(everything())),
+        ("primvars_of_instances", with_primvars(instanced(true))),
+        ("primvars_of_veils", with_primvars(veils())),
     ]
 }
 
@@ -195,7 +255,12 @@ fn main() {
         |device: &Arc<Device>| Arc::clone(STAGES.get_or_init(|| Arc::new(Stages::new(device))));
     for (name, scene) in scenes() {
         let scene = with_means(scene);
-        let walk = ["everything", "moving_mirrored_instances", "veils"].contains(&name);
+        let walked_through = [
+            "moving_mirrored_instances",
+            "primvars_of_everything",
+            "primvars_of_veils",
+        ];
+        let walk = walked_through.contains(&name);
         if walk {
             let paged = scene.clone();
             let firsts = &[FirstOnDevice::Bound, FirstOnDevice::Generate];

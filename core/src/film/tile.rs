@@ -60,12 +60,14 @@ pub struct MeanValues {
     pub n_eye: bool,
     /// Raster movement; where nothing moves it is 0, and is not asked for.
     pub motion: bool,
+    /// Floats of primvar AOVs.
+    pub primvars: usize,
 }
 
 impl MeanValues {
     /// Floats of a sample.
     pub fn count(self) -> usize {
-        self.places().count()
+        self.places().count() + self.primvars
     }
 
     /// Floats of a pixel's sums; none where no value is asked for.
@@ -76,17 +78,22 @@ impl MeanValues {
         }
     }
 
-    /// Where the values are among all that [`Means`] has.
+    /// Where those that are not of primvars are among all that [`Means`] has.
     fn places(self) -> impl Iterator<Item = usize> + use<> {
         let all = [(self.normal, 0..3), (self.n_eye, 3..6), (self.motion, 6..8)];
         let asked = all.into_iter().filter(|(asked, _)| *asked);
         asked.flat_map(|(_, places)| places)
     }
 
-    /// The values of what a sample sees first; 0 where it sees nothing.
-    pub fn of(self, first: Option<&FirstHit>) -> impl Iterator<Item = f32> + use<> {
+    /// The values of what a sample sees first; they mean nothing where it sees nothing.
+    pub fn of(
+        self,
+        first: Option<&FirstHit>,
+        primvars: &PrimvarSample,
+    ) -> impl Iterator<Item = f32> {
         let all = first.map_or([0.0; 8], FirstHit::means);
-        self.places().map(move |place| all[place])
+        let means = self.places().map(move |place| all[place]);
+        means.chain(primvars.floats.iter().copied())
     }
 }
 
@@ -209,6 +216,11 @@ impl Keeps {
         some.then_some(self.primvars)
     }
 
+    /// Floats of primvar AOVs.
+    pub fn primvar_floats(self) -> usize {
+        self.primvars.floats
+    }
+
     /// True when what samples cost is asked for.
     pub fn cost(self) -> bool {
         self.cost
@@ -321,28 +333,46 @@ impl Tile {
     }
 
     /// Adds samples of pixel `i` that were filmed elsewhere, the next in their order. `first` tells what the nearest of them
-    /// to the pixel's centre met, and is asked only where no sample before is nearer. Costs and primvars are not filmed elsewhere;
-    /// for means see [`Tile::merge_means`].
-    pub fn merge(&mut self, i: usize, sums: &PixelSums, first: impl FnOnce() -> Option<FirstHit>) {
+    /// to the pixel's centre met, with the whole numbers of its primvars, and is asked only where no sample before is nearer. Costs
+    /// are not filmed elsewhere; for means see [`Tile::merge_means`].
+    pub fn merge(
+        &mut self,
+        i: usize,
+        sums: &PixelSums,
+        first: impl FnOnce() -> Option<(FirstHit, PrimvarSample)>,
+    ) {
         if let Some(sum) = self.color.get_mut(i) {
             for (sum, v) in sum.iter_mut().zip(sums.color) {
                 *sum += f64::from(v);
             }
         }
         if self.is_nearest(i, sums.distance2) {
-            self.set_point(i, sums.distance2, first().as_ref());
+            let first = first();
+            let (hit, primvars) = (first.as_ref())
+                .map(|(hit, primvars)| (hit, primvars))
+                .unzip();
+            self.set_point(i, sums.distance2, hit);
+            self.set_integers(i, primvars);
         }
     }
 
     /// Adds sums of `values` of samples of pixel `i` that were filmed elsewhere, and behind them how many of these see anything.
     pub fn merge_means(&mut self, i: usize, values: MeanValues, sums: &[f32]) {
-        let (Some(means), Some((hits, sums))) = (self.means.get_mut(i), sums.split_last()) else {
+        let Some((hits, sums)) = sums.split_last() else {
             return;
         };
-        for (place, &sum) in values.places().zip(sums) {
-            means.sums[place] += f64::from(sum);
+        if let Some(means) = self.means.get_mut(i) {
+            for (place, &sum) in values.places().zip(sums) {
+                means.sums[place] += f64::from(sum);
+            }
+            means.hits += *hits as u32;
         }
-        means.hits += *hits as u32;
+        let floats = self.keeps.float_stride();
+        let own = &mut self.primvar_sums[i * floats..][..floats];
+        let primvars = &sums[values.count() - values.primvars..];
+        for (to, &sum) in own.iter_mut().zip(primvars.iter().chain([hits])) {
+            *to += f64::from(sum);
+        }
     }
 
     /// True where a sample so far from the centre of pixel `i` becomes its point sample.
@@ -367,7 +397,7 @@ impl Tile {
     /// Adds the primvars of the sample that was added last to pixel `i`, or `None` where it hit
     /// nothing. `is_point` is what [`Tile::add`] said.
     pub fn add_primvars(&mut self, i: usize, sample: Option<&PrimvarSample>, is_point: bool) {
-        let (floats, integers) = (self.keeps.float_stride(), self.keeps.primvars.integers);
+        let floats = self.keeps.float_stride();
         if let Some(sample) = sample
             && let Some((hits, sums)) = self.primvar_sums[i * floats..][..floats].split_last_mut()
         {
@@ -377,11 +407,17 @@ impl Tile {
             *hits += 1.0;
         }
         if is_point {
-            let values = &mut self.primvar_integers[i * integers..][..integers];
-            match sample {
-                Some(sample) => values.copy_from_slice(&sample.integers[..integers]),
-                None => values.fill(-1),
-            }
+            self.set_integers(i, sample);
+        }
+    }
+
+    /// The whole numbers of primvars of the point sample.
+    fn set_integers(&mut self, i: usize, sample: Option<&PrimvarSample>) {
+        let integers = self.keeps.primvars.integers;
+        let values = &mut self.primvar_integers[i * integers..][..integers];
+        match sample {
+            Some(sample) => values.copy_from_slice(&sample.integers[..integers]),
+            None => values.fill(-1),
         }
     }
 

@@ -150,7 +150,7 @@ impl<'a> Integrator<'a> {
             tile.merge(i, sums, || {
                 sums.hit
                     .is_hit()
-                    .then(|| self.point_hit(&sums.hit, sums.time))
+                    .then(|| self.point_sample(&sums.hit, sums.time))
             });
             if let Some(means) = means.next() {
                 tile.merge_means(i, values, means);
@@ -200,25 +200,33 @@ impl<'a> Integrator<'a> {
                     });
                     (sample, seen)
                 };
-                let samples: Vec<Sample>;
+                let samples: Vec<(Sample, PrimvarSample)>;
                 (samples, made.hits) = rays.map(shade).unzip();
-                made.colors = samples.iter().map(|sample| sample.color).collect();
-                let values = self.mean_values();
-                let of = |sample: &Sample| values.of(sample.first.as_ref());
-                made.values = samples.iter().flat_map(of).collect();
+                made.colors = samples.iter().map(|(sample, _)| sample.color).collect();
+                for (sample, primvars) in &samples {
+                    let own = self.mean_values().of(sample.first.as_ref(), primvars);
+                    made.values.extend(own);
+                }
             }
             _ => {}
         }
         made
     }
 
-    /// What a job sees, whose first hit this is; `met` as [`Self::shade`] has it.
-    fn composite(&self, job: &Job, first: &Hit, met: impl FnMut(&Hit, bool)) -> Sample {
-        let (mut counts, mut none) = (TraceCounts::default(), PrimvarSample::default());
-        match self.prepared.plan.has_culling() {
-            false => self.shade::<true, false>(job, first, &mut counts, &mut none, met),
-            true => self.shade::<true, true>(job, first, &mut counts, &mut none, met),
-        }
+    /// What a job sees, whose first hit this is, and primvars of that; `met` as [`Self::shade`] has it.
+    fn composite(
+        &self,
+        job: &Job,
+        first: &Hit,
+        met: impl FnMut(&Hit, bool),
+    ) -> (Sample, PrimvarSample) {
+        let counts = &mut TraceCounts::default();
+        let mut primvars = PrimvarSample::new(self.keeps);
+        let sample = match self.prepared.plan.has_culling() {
+            false => self.shade::<true, false>(job, first, counts, &mut primvars, met),
+            true => self.shade::<true, true>(job, first, counts, &mut primvars, met),
+        };
+        (sample, primvars)
     }
 
     /// Shades and films what was traced, in the order of samples: sums have the same bits whatever was traced
@@ -395,6 +403,19 @@ impl<'a> Integrator<'a> {
             FirstHit::default()
         };
         (Layer { radiance, first }, opacity)
+    }
+
+    /// What a point sample keeps of its first hit, and the primvars there.
+    fn point_sample(&self, hit: &Hit, time: f32) -> (FirstHit, PrimvarSample) {
+        let prepared = self.prepared;
+        let mut primvars = PrimvarSample::new(self.keeps);
+        if self.keeps.primvars().is_some() {
+            let (_, prim) = prepared.hit_prim(hit);
+            let element = prepared.world.element(hit).unwrap_or(0);
+            let channels = AtHit { prepared, hit };
+            prepared.read_primvars(prim, element, time, &channels, &mut primvars);
+        }
+        (self.point_hit(hit, time), primvars)
     }
 
     /// What a point sample keeps of its first hit.

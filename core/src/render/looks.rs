@@ -2,7 +2,7 @@
 
 use super::prepared::{Prepared, SetEntry};
 use crate::aov::Aov;
-use crate::film::tile::MeanValues;
+use crate::film::tile::{Keeps, MeanValues};
 use crate::shade::{Source, Values, camera_light_irradiance};
 use crate::trace::{Hit, Winding};
 
@@ -33,9 +33,8 @@ pub struct Paint<'a> {
 impl Prepared {
     /// Why samples must be shaded and filmed here, in words. The one place that says so.
     pub fn shaded_here(&self) -> Option<String> {
-        let is_here = |aov: &&Aov| matches!(aov, Aov::Primvar(_));
-        if let Some(aov) = self.aovs.iter().find(is_here) {
-            return Some(format!("the AOV {} is asked for", aov.name()));
+        if let Some(name) = self.mixed_primvar() {
+            return Some(format!("some values of the AOV {name} are whole numbers"));
         }
         let values = self.mean_values();
         let turns = |entry: &SetEntry| matches!(entry.facets, Winding::Changes(_));
@@ -50,7 +49,47 @@ impl Prepared {
             normal: asks(Aov::Normal),
             n_eye: asks(Aov::Neye),
             motion: asks(Aov::MotionVectors) && self.plan.has_time(),
+            primvars: Keeps::of(&self.aovs).primvar_floats(),
         }
+    }
+
+    /// The primvar AOVs of floats: how many each has, in the order of [`Prepared::mean_values`].
+    pub fn primvar_floats(&self) -> impl Iterator<Item = usize> {
+        let floats = self.primvar_aovs.iter().filter(|aov| !aov.is_integer);
+        floats.map(|aov| aov.components)
+    }
+
+    /// What instance number `instance` of the world has of each of these; nothing where it has no such primvar.
+    pub fn primvar_paints(&self, instance: u32) -> impl Iterator<Item = Option<Paint<'_>>> {
+        let hit = Hit {
+            instance,
+            ..Hit::MISS
+        };
+        let (_, prim) = self.hit_prim(&hit);
+        let sources = self.primvar_aovs.iter().zip(&prim.primvars);
+        let floats = sources.filter(|(aov, _)| !aov.is_integer);
+        floats.map(move |(_, source)| Some(self.paint(&hit, source.as_deref()?)))
+    }
+
+    /// The AOV of floats that is made of whole numbers on some prims.
+    fn mixed_primvar(&self) -> Option<&str> {
+        let aovs = self.primvar_aovs.iter().enumerate();
+        let mixed = aovs.filter(|(_, aov)| !aov.is_integer).find(|&(i, _)| {
+            let mut sources = self
+                .prims
+                .iter()
+                .filter_map(|prim| prim.primvars[i].as_ref());
+            sources.any(|source| source.is_integer())
+        });
+        mixed.map(|(_, aov)| &aov.name[..])
+    }
+
+    fn paint<'a>(&self, hit: &Hit, source: &'a Source) -> Paint<'a> {
+        let item = match Source::values(source) {
+            Values::Instance(level, _) => self.instance(hit, *level),
+            _ => 0,
+        };
+        Paint { source, item }
     }
 
     /// How instance number `instance` of the world looks.
@@ -60,13 +99,7 @@ impl Prepared {
             ..Hit::MISS
         };
         let (entry, prim) = self.hit_prim(&hit);
-        let paint = |source| {
-            let item = match Source::values(source) {
-                Values::Instance(level, _) => self.instance(&hit, *level),
-                _ => 0,
-            };
-            Paint { source, item }
-        };
+        let paint = |source| self.paint(&hit, source);
         Look {
             matte: prim.matte,
             double_sided: prim.double_sided,

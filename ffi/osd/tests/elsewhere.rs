@@ -10,10 +10,13 @@ use glam::DVec3;
 use hdtrapeze_core::film::tile::PixelSums;
 use hdtrapeze_core::render::{
     Elsewhere, Frame, Generator, Made, Prepared, RayTracer, RenderControl, Stage, TileSamples,
-    render_with,
+    prepare, render_with,
 };
-use hdtrapeze_core::scene::{Cull, Interpolation, PrimvarDesc, RenderSettings, Scene};
+use hdtrapeze_core::scene::{
+    Cull, Interpolation, PrimvarDesc, PrimvarSample, PrimvarValues, RenderSettings, Scene,
+};
 use hdtrapeze_core::trace::{Hit, Ray, TraceCounts};
+use hdtrapeze_osd::OsdFactory;
 use hidden::{ball, bits, placed, prepared, rendered, scene, sheet, with_culling};
 
 /// The CPU, in a GPU's place: fails at call number `fails`.
@@ -117,6 +120,28 @@ fn stage() -> Scene {
     with_culling(&scene(prims, settings, 0.5), false)
 }
 
+/// The same with a whole number for each prim, or, where they are `mixed`, with a float for one.
+fn numbered(mut stage: Scene, mixed: bool) -> Scene {
+    for (i, prim) in (0..).zip(stage.prims.values_mut()) {
+        let number = match mixed && i == 1 {
+            true => PrimvarValues::Float(vec![0.5]),
+            false => PrimvarValues::Int(vec![1000 * i]),
+        };
+        let sample = PrimvarSample {
+            time: 0.0,
+            values: Arc::new(number),
+            indices: Arc::default(),
+        };
+        let number = PrimvarDesc {
+            samples: vec![sample],
+            ..PrimvarDesc::still(Interpolation::Constant, 1, vec![], vec![])
+        };
+        let primvars = &mut Arc::make_mut(prim).common.primvars;
+        primvars.insert("number".to_owned(), number);
+    }
+    stage
+}
+
 /// The image, how often the tracer was asked, and why it failed, if it did.
 fn traced_elsewhere(prepared: &Prepared, first: Stage, fails: u32) -> (Frame, u32, Option<String>) {
     let settings = prepared.settings();
@@ -174,7 +199,7 @@ fn same_but_for_rounding(a: &Frame, b: &Frame) -> bool {
     };
     let (a, b) = (bits(a), bits(b));
     a.iter().zip(&b).all(|((name, a), (_, b))| match &name[..] {
-        "color" | "normal" | "Neye" | "motionVectors" => {
+        "color" | "normal" | "Neye" | "motionVectors" | "primvars:displayOpacity" => {
             a.len() == b.len() && a.iter().zip(b).all(|(a, b)| same(a, b))
         }
         _ => a == b,
@@ -202,8 +227,9 @@ fn pixels_that_are_summed_elsewhere_are_taken_up() {
     }
     let mut culled = glass.clone();
     Arc::make_mut(&mut culled.settings).cull = Cull::Back;
-    let mut normals = glass.clone();
-    Arc::make_mut(&mut normals.settings).aovs = vec!["normal".to_owned()];
+    let mut normals = numbered(glass.clone(), false);
+    let aovs = ["normal", "primvars:displayOpacity", "primvars:number"];
+    Arc::make_mut(&mut normals.settings).aovs = aovs.map(str::to_owned).to_vec();
     for (stage, failures) in [
         (opaque, &[0, 2, 3, u32::MAX][..]),
         (glass, &[2, u32::MAX]),
@@ -227,16 +253,21 @@ fn pixels_that_are_summed_elsewhere_are_taken_up() {
 
 #[test]
 fn what_is_shaded_here_is_said() {
-    let mut stage = stage();
-    let asked = "primvars:displayOpacity".to_owned();
-    Arc::make_mut(&mut stage.settings).aovs.push(asked);
-    let why = prepared(&stage, None).shaded_here();
-    assert_eq!(
-        why.as_deref(),
-        Some("the AOV primvars:displayOpacity is asked for")
-    );
-    Arc::make_mut(&mut stage.settings).aovs = vec!["color".to_owned()];
-    assert_eq!(prepared(&stage, None).shaded_here(), None);
+    for (mixed, why) in [
+        (false, None),
+        (
+            true,
+            Some("some values of the AOV primvars:number are whole numbers"),
+        ),
+    ] {
+        let mut stage = numbered(stage(), mixed);
+        let asked = "primvars:number".to_owned();
+        Arc::make_mut(&mut stage.settings).aovs.push(asked);
+        let (surfaces, cancel) = (OsdFactory::default(), AtomicBool::new(false));
+        let made = prepare(&stage, &surfaces, None, &cancel).expect("the scene is sound");
+        assert_eq!(made.prepared.shaded_here().as_deref(), why);
+        assert_eq!(made.warnings.len(), usize::from(mixed));
+    }
 }
 
 #[test]

@@ -9,7 +9,7 @@ use super::Hit;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 pub struct Look {
     /// 1: it takes rays away, and gives nothing. 2: its fronts are the backs of its lattices. 4: normals are told for the side that
-    /// is seen.
+    /// is seen. Of a primvar: the floats that are kept of it.
     pub marks: u32,
     /// Of its colour: 0 one for all, 1 one a grid, 2 one a vertex.
     pub kind: u32,

@@ -26,21 +26,28 @@ pub struct KeptValues {
     pub n_eye: bool,
     /// Where things go in the image.
     pub motion: bool,
+    /// Primvars, of which each instance has a look.
+    pub primvars: u32,
+    /// Floats of all of them.
+    pub floats: u32,
 }
 
 impl KeptValues {
-    /// All there are.
+    /// None, each alone, and all together.
     pub fn all() -> impl Iterator<Item = Self> {
-        (0..8).map(|i| Self {
+        [0, 1, 2, 4, 8, 15].into_iter().map(|i| Self {
             normal: i & 1 != 0,
             n_eye: i & 2 != 0,
             motion: i & 4 != 0,
+            primvars: i >> 3,
+            floats: 3 * (i >> 3),
         })
     }
 
     /// Floats of a ray.
     pub fn count(self) -> u32 {
-        3 * u32::from(self.normal) + 3 * u32::from(self.n_eye) + 2 * u32::from(self.motion)
+        let normals = 3 * u32::from(self.normal) + 3 * u32::from(self.n_eye);
+        normals + 2 * u32::from(self.motion) + self.floats
     }
 
     /// The WGSL of `keep`, and of what it needs.
@@ -49,11 +56,12 @@ impl KeptValues {
             return include_str!("../wgsl/keep_none.wgsl").to_owned();
         }
         let fixed = format!(
-            "const VALUES: u32 = {}u;\nconst NORMAL: bool = {};\nconst NEYE: bool = {};\nconst MOTION: bool = {};\n",
+            "const VALUES: u32 = {}u;\nconst NORMAL: bool = {};\nconst NEYE: bool = {};\nconst MOTION: bool = {};\nconst PRIMVARS: u32 = {}u;\n",
             self.count(),
             self.normal,
             self.n_eye,
-            self.motion
+            self.motion,
+            self.primvars,
         );
         let motion: &[&str] = match self.motion {
             true => &[
@@ -79,7 +87,7 @@ pub const VEILS_AT: u64 = 4 * (MAX_LAYERS as u64 + 1);
 pub const SHADE_WORKGROUP: u32 = 64;
 
 impl ShadePermutation {
-    /// All there are.
+    /// All there are, but not all that may be kept together.
     pub fn all() -> impl Iterator<Item = Self> {
         KeptValues::all().flat_map(|values| {
             (0..32).map(move |i| Self {
@@ -93,15 +101,21 @@ impl ShadePermutation {
         })
     }
 
+    /// Looks of an instance: its own, its opacity where there are layers, and primvars.
+    pub fn looks(self) -> u32 {
+        1 + u32::from(self.layers) + self.values.primvars
+    }
+
     /// The WGSL of the stage; its entry point is `shade`.
     pub fn source(self) -> String {
         let fixed = format!(
-            "const COLOR: bool = {};\nconst TIME: bool = {};\nconst MOVES: bool = {};\nconst LENS_CHANGES: bool = {};\nconst NORMALS: bool = {};\n",
+            "const COLOR: bool = {};\nconst TIME: bool = {};\nconst MOVES: bool = {};\nconst LENS_CHANGES: bool = {};\nconst NORMALS: bool = {};\nconst LOOKS: u32 = {}u;\n",
             self.color,
             self.time,
             self.camera_moves,
             self.lens_changes,
             self.values.normal || self.values.n_eye,
+            self.looks(),
         );
         [
             fixed.as_str(),

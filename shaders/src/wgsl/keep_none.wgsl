@@ -2,5 +2,5 @@
 
 const KEEPS: bool = false;
 
-fn keep(ray: Ray, hit: Hit, look: Look, instance: Instance, object: Object, cell: Cell, n: vec3<f32>) {
+fn keep(ray: Ray, hit: Hit, number: u32, instance: Instance, object: Object, cell: Cell, n: vec3<f32>) {
 }

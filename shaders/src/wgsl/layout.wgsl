@@ -255,7 +255,7 @@ struct TilesLaunch {
 // How an instance looks. Places are words of `paints`.
 struct Look {
     // 1: it takes rays away, and gives nothing. 2: its fronts are the backs of its lattices. 4: normals are told for the side that
-    // is seen.
+    // is seen. Of a primvar: the floats that are kept of it.
     marks: u32,
     // Of its colour: 0 one for all, 1 one a grid, 2 one a vertex.
     kind: u32,

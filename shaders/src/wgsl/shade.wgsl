@@ -98,11 +98,11 @@ fn to_camera(n: vec3<f32>, time: f32) -> vec3<f32> {
     return unit_or_zero(vec3<f32>(dot(pose.x, n), dot(pose.y, n), dot(pose.z, n)));
 }
 
-// The value at a key.
-fn paint_at(look: Look, cell: Cell, key: u32) -> vec3<f32> {
-    var out = vec3<f32>(0.0);
+// The value at a key; what it does not have is 0.
+fn paint_at(look: Look, cell: Cell, key: u32) -> vec4<f32> {
+    var out = vec4<f32>(0.0);
     let first = look.paint + key * look.lanes;
-    for (var c = 0u; c < min(look.lanes, 3u); c += 1u) {
+    for (var c = 0u; c < min(look.lanes, 4u); c += 1u) {
         if look.kind == CONSTANT {
             out[c] = bitcast<f32>(paints[first + c]);
         } else if look.kind == GRIDS {
@@ -120,7 +120,7 @@ fn paint_at(look: Look, cell: Cell, key: u32) -> vec3<f32> {
 }
 
 // The value at a time.
-fn painted(look: Look, cell: Cell, time: f32) -> vec3<f32> {
+fn painted(look: Look, cell: Cell, time: f32) -> vec4<f32> {
     if !TIME || look.paint_keys < 2u {
         return paint_at(look, cell, 0u);
     }
@@ -141,5 +141,5 @@ fn radiance(look: Look, cell: Cell, n: vec3<f32>, time: f32) -> vec3<f32> {
     if LENS_CHANGES {
         light *= lens_at(time).exposure;
     }
-    return painted(look, cell, time) * light;
+    return painted(look, cell, time).xyz * light;
 }

@@ -7,7 +7,7 @@
 
 // Colour and alpha of a first hit on this instance.
 fn surface(ray: Ray, hit: Hit, number: u32) -> vec4<f32> {
-    let look = looks[number];
+    let look = looks[LOOKS * number];
     if (look.marks & MATTE) != 0u {
         return vec4<f32>(0.0);
     }
@@ -18,7 +18,7 @@ fn surface(ray: Ray, hit: Hit, number: u32) -> vec4<f32> {
     let object = objects[instance.object];
     let cell = cell_of(object, hit);
     let n = shading_normal(ray, hit, look, instance, object, cell);
-    keep(ray, hit, look, instance, object, cell, n);
+    keep(ray, hit, number, instance, object, cell, n);
     if !COLOR {
         return vec4<f32>(0.0, 0.0, 0.0, 1.0);
     }

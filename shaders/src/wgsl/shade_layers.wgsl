@@ -5,7 +5,7 @@
 // first. Rays of which something is left are noted, to be traced and shaded in the next layer. Pages come one after the other; a
 // layer is taken in with the page that its hit is on.
 //
-// An instance has two looks here: how it looks, and after it its opacity, as if that were a colour.
+// An instance has its opacity after how it looks, as if that were a colour.
 
 @group(2) @binding(1) var<storage, read_write> hits: array<Hit>;
 @group(2) @binding(4) var<storage, read_write> veils: Veils;
@@ -37,11 +37,11 @@ fn shade(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_inde
     }
     var hit = found;
     hit.grid = place.grid;
-    let look = looks[2u * place.instance];
+    let look = looks[LOOKS * place.instance];
     let instance = instances[place.instance];
     let object = objects[instance.object];
     let cell = cell_of(object, hit);
-    let opacity = clamp(painted(looks[2u * place.instance + 1u], cell, ray.time).x, 0.0, 1.0);
+    let opacity = clamp(painted(looks[LOOKS * place.instance + 1u], cell, ray.time).x, 0.0, 1.0);
     // What is not there at all changes nothing.
     if opacity > 0.0 {
         let before = veils.each[ray.number].transmittance;
@@ -61,7 +61,7 @@ fn shade(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_inde
             if COLOR || (KEEPS && is_first) {
                 let n = shading_normal(ray, hit, look, instance, object, cell);
                 if is_first {
-                    keep(ray, hit, look, instance, object, cell, n);
+                    keep(ray, hit, place.instance, instance, object, cell, n);
                 }
                 if COLOR {
                     color += vec4<f32>(radiance(look, cell, n, ray.time) * (opacity * before), 0.0);

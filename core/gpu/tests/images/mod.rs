@@ -322,8 +322,13 @@ pub fn instanced(moving: bool) -> Scene {
 /// The AOVs that show means of what is seen first.
 pub const MEANS: [Aov; 3] = [Aov::Normal, Aov::Neye, Aov::MotionVectors];
 
-/// The AOVs that are sums over samples.
-pub const SUMS: [Aov; 4] = [Aov::Color, Aov::Normal, Aov::Neye, Aov::MotionVectors];
+/// True for AOVs that are sums over samples.
+fn is_sum(aov: &Aov) -> bool {
+    match aov {
+        Aov::Primvar(primvar) => !primvar.is_integer,
+        aov => *aov == Aov::Color || MEANS.contains(aov),
+    }
+}
 
 /// The same with these AOVs beside the others.
 pub fn with_means(mut scene: Scene) -> Scene {
@@ -334,11 +339,35 @@ pub fn with_means(mut scene: Scene) -> Scene {
     scene
 }
 
+/// An AOV that [`with_mixed`] asks for.
+pub const MIXED: &str = "primvars:mixed";
+
+/// The same with an AOV that the CPU must shade for: a primvar that is of whole numbers on one prim, and of floats on another.
+pub fn with_mixed(mut scene: Scene) -> Scene {
+    set(&mut scene, |settings| settings.aovs.push(MIXED.to_owned()));
+    let values = [PrimvarValues::Float(vec![0.5]), PrimvarValues::Int(vec![3])];
+    for (prim, values) in scene.prims.values_mut().zip(values) {
+        let sample = PrimvarSample {
+            time: 0.0,
+            values: Arc::new(values),
+            indices: Arc::default(),
+        };
+        let mixed = PrimvarDesc {
+            samples: vec![sample],
+            ..PrimvarDesc::still(Interpolation::Constant, 1, vec![], vec![])
+        };
+        let primvars = &mut Arc::make_mut(prim).common.primvars;
+        primvars.insert("mixed".to_owned(), mixed);
+    }
+    scene
+}
+
 /// Committed.
 pub fn prepared(scene: &Scene) -> Prepared {
     let cancel = AtomicBool::new(false);
     let preparation = prepare(scene, &NoSubdivision, None, &cancel).expect("the scene is sound");
-    assert_eq!(preparation.warnings, []);
+    let mut warnings = preparation.warnings.iter();
+    assert!(warnings.all(|warning| warning.text.contains(MIXED)));
     preparation.prepared
 }
 
@@ -452,9 +481,9 @@ pub fn as_on_the_cpu(
         // Where the CPU has traced, ids and places are its own.
         let (few, close) = match (first.of_samples(), aov) {
             (_, Aov::SampleCount) => (0, 0.0),
-            (Stage::Film, aov) if SUMS.contains(aov) => (0, SUMMED),
+            (Stage::Film, aov) if is_sum(aov) => (0, SUMMED),
             (Stage::Shade, Aov::MotionVectors) => (0, MOVED),
-            (Stage::Shade, aov) if SUMS.contains(aov) => (0, CLOSE),
+            (Stage::Shade, aov) if is_sum(aov) => (0, CLOSE),
             (Stage::Film | Stage::Shade, _) => (0, 0.0),
             (_, Aov::MotionVectors) => (few, MOVED),
             _ => (few, CLOSE),
