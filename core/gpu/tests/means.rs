@@ -1,4 +1,4 @@
-//! Normals, where things go in the image, and primvars against the CPU's; as `frame.rs` has it for the rest.
+//! Normals, and where things go in the image, against the CPU's; as `frame.rs` has it for the rest.
 
 #[path = "../../tests/support/mod.rs"]
 mod support;
@@ -6,17 +6,13 @@ mod support;
 mod device;
 mod images;
 
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
-use device::Check;
 use glam::{DMat4, DVec3, Quat, Vec3};
 use hdtrapeze_core::aov::Aov;
 use hdtrapeze_core::render::{RayTracer, Stage};
-use hdtrapeze_core::scene::{
-    Backend, Interpolation, PrimDesc, PrimId, PrimvarDesc, PrimvarSample, PrimvarValues,
-    Projection, Samples, Scene,
-};
-use hdtrapeze_gpu::{Device, FirstOnDevice, GpuFrame, Stages};
+use hdtrapeze_core::scene::{Backend, Interpolation, PrimDesc, PrimId, Projection, Samples, Scene};
+use hdtrapeze_gpu::{Device, GpuFrame, Stages};
 use images::*;
 use libtest_mimic::Failed;
 
@@ -103,81 +99,6 @@ fn moving_camera(projection: Projection) -> Scene {
     scene
 }
 
-/// What is seen first is not opaque, nor is what is behind it; before all is something that is not there at all.
-fn veils() -> Scene {
-    let mut scene = everything();
-    for (number, opacity) in [(1, 0.5), (2, 0.4), (3, 0.6)] {
-        let prim = scene.prims.get_mut(&PrimId(number)).expect("three prims");
-        let prim = Arc::make_mut(prim);
-        *prim = veiled(prim.clone(), flat(opacity));
-    }
-    let nothing = ball("/nothing", 1.2, &[DVec3::new(0.8, 0.0, 2.0)]);
-    let nothing = veiled(nothing, flat(0.0));
-    scene.prims.insert(PrimId(4), Arc::new(nothing));
-    scene
-}
-
-/// Primvars of every kind, as AOVs: those of many widths, that change or stay, that some prims lack, and whole numbers.
-fn with_primvars(mut scene: Scene) -> Scene {
-    let spread = |interpolation, width: usize, count: usize| {
-        let values = (0..width * count).map(|i| (i * 7 % 23) as f32 / 9.0 - 0.7);
-        PrimvarDesc::still(interpolation, width, values.collect(), vec![])
-    };
-    let faded = |interpolation, width: usize, count: usize| {
-        let sample = |time: f64| PrimvarSample {
-            time,
-            values: Arc::new(PrimvarValues::Float(
-                (0..width * count)
-                    .map(|i| (i as f64 * time * 1.7).sin() as f32)
-                    .collect(),
-            )),
-            indices: Arc::default(),
-        };
-        PrimvarDesc {
-            samples: [0.0, 0.3, 1.0].map(sample).to_vec(),
-            ..PrimvarDesc::still(interpolation, width, vec![], vec![])
-        }
-    };
-    let whole = PrimvarDesc {
-        samples: vec![PrimvarSample {
-            time: 0.0,
-            values: Arc::new(PrimvarValues::Int(
-                (0..30).map(|i| i * i - 70_000).collect(),
-            )),
-            indices: Arc::default(),
-        }],
-        ..PrimvarDesc::still(Interpolation::Uniform, 1, vec![], vec![])
-    };
-    let of_sheet = [
-        ("constant", spread(Interpolation::Constant, 4, 1)),
-        ("faces", spread(Interpolation::Uniform, 1, 30)),
-        ("vertices", spread(Interpolation::Vertex, 2, 42)),
-        ("corners", spread(Interpolation::FaceVarying, 3, 120)),
-        ("fading", faded(Interpolation::Constant, 3, 1)),
-        ("fading_faces", faded(Interpolation::Uniform, 2, 30)),
-        ("fading_vertices", faded(Interpolation::Vertex, 4, 42)),
-        ("whole", whole),
-    ];
-    set(&mut scene, |settings| {
-        let names = of_sheet.iter().map(|(name, _)| format!("primvars:{name}"));
-        settings.aovs.extend(names);
-        settings.aovs.push("primvars:displayColor".to_owned());
-    });
-    for prim in scene.prims.values_mut() {
-        let common = &mut Arc::make_mut(prim).common;
-        if common.path.contains("sheet") {
-            let own = of_sheet
-                .iter()
-                .map(|(name, desc)| ((*name).to_owned(), desc.clone()));
-            common.primvars.extend(own);
-        } else {
-            let constant = spread(Interpolation::Constant, 4, 1);
-            common.primvars.insert("constant".to_owned(), constant);
-        }
-    }
-    scene
-}
-
 /// A side that is the front or the back by the time is left to the CPU where normals are asked for, and said.
 fn normals_that_turn_over_are_not_taken(stages: &Arc<Stages>) -> Result<(), Failed> {
     let mut prim = sheet("/sheet", &[0.0], Interpolation::Uniform);
@@ -240,42 +161,14 @@ fn scenes() -> Vec<(&'static str, Scene)> {
         ("moving_camera", moving_camera(Projection::Perspective)),
         ("rays_side_by_side", moving_camera(Projection::Orthographic)),
         ("changing_lens", changing_lens()),
-        ("primvars", with_primvars(stage())),
-        ("primvars_of_everything", with_primvars(everything())),
-        ("primvars_of_instances", with_primvars(instanced(true))),
-        ("primvars_of_veils", with_primvars(veils())),
     ]
 }
 
 fn main() {
-    let mut trials: Vec<(String, Check)> = Vec::new();
-    // Pipelines are compiled once.
-    static STAGES: OnceLock<Arc<Stages>> = OnceLock::new();
-    let on =
-        |device: &Arc<Device>| Arc::clone(STAGES.get_or_init(|| Arc::new(Stages::new(device))));
-    for (name, scene) in scenes() {
-        let scene = with_means(scene);
-        let walked_through = [
-            "moving_mirrored_instances",
-            "primvars_of_everything",
-            "primvars_of_veils",
-        ];
-        let walk = walked_through.contains(&name);
-        if walk {
-            let paged = scene.clone();
-            let firsts = &[FirstOnDevice::Bound, FirstOnDevice::Generate];
-            let run = move |device: &Arc<Device>| on_pages(&on(device), &paged, firsts);
-            trials.push((format!("pages_of_{name}"), Box::new(run)));
-        }
-        let run = move |device: &Arc<Device>| match walk {
-            true => walked(&on(device), &scene),
-            false => agrees(&on(device), &scene, FirstOnDevice::Bound),
-        };
-        trials.push((format!("scene_{name}"), Box::new(run)));
-    }
-    let alone = move |device: &Arc<Device>| one_alone_is_as_among_others(&on(device));
+    let mut trials = agreeing(scenes(), &["moving_mirrored_instances"]);
+    let alone = |device: &Arc<Device>| one_alone_is_as_among_others(&stages_once(device));
     trials.push(("one_alone".to_owned(), Box::new(alone)));
-    let turning = move |device: &Arc<Device>| normals_that_turn_over_are_not_taken(&on(device));
+    let turning = |device: &Arc<Device>| normals_that_turn_over_are_not_taken(&stages_once(device));
     trials.push(("what_turns_over".to_owned(), Box::new(turning)));
     device::run(trials);
 }

@@ -1,8 +1,8 @@
 //! Scenes that devices render, and what their images are held to.
 #![allow(dead_code)]
 
-use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, OnceLock};
 
 use glam::{DMat4, DVec3, Quat, Vec3};
 use hdtrapeze_core::aov::{Aov, AovData};
@@ -15,9 +15,10 @@ use hdtrapeze_core::scene::{
     PrimvarSample, PrimvarValues, RenderSettings, Samples, Scene, TransformSamples,
 };
 use hdtrapeze_core::surface::{MeshTopology, Scheme};
-use hdtrapeze_gpu::{FirstOnDevice, FrameOptions, GpuFrame, Stages};
+use hdtrapeze_gpu::{Device, FirstOnDevice, FrameOptions, GpuFrame, Stages};
 use libtest_mimic::Failed;
 
+use crate::device::Check;
 use crate::support::NoSubdivision;
 
 /// The camera.
@@ -535,4 +536,34 @@ pub fn on_pages(
         as_on_the_cpu(scene, &prepared, &frame, first)?;
     }
     Ok(())
+}
+
+/// Stages on a device: pipelines are compiled once.
+pub fn stages_once(device: &Arc<Device>) -> Arc<Stages> {
+    static STAGES: OnceLock<Arc<Stages>> = OnceLock::new();
+    Arc::clone(STAGES.get_or_init(|| Arc::new(Stages::new(device))))
+}
+
+/// Trials that scenes with normals and motion agree with the CPU's; those of these names from each stage on, and on pages too.
+pub fn agreeing(
+    scenes: Vec<(&'static str, Scene)>,
+    walked_through: &[&str],
+) -> Vec<(String, Check)> {
+    let mut trials: Vec<(String, Check)> = Vec::new();
+    for (name, scene) in scenes {
+        let scene = with_means(scene);
+        let walk = walked_through.contains(&name);
+        if walk {
+            let paged = scene.clone();
+            let firsts = &[FirstOnDevice::Bound, FirstOnDevice::Generate];
+            let run = move |device: &Arc<Device>| on_pages(&stages_once(device), &paged, firsts);
+            trials.push((format!("pages_of_{name}"), Box::new(run)));
+        }
+        let run = move |device: &Arc<Device>| match walk {
+            true => walked(&stages_once(device), &scene),
+            false => agrees(&stages_once(device), &scene, FirstOnDevice::Bound),
+        };
+        trials.push((format!("scene_{name}"), Box::new(run)));
+    }
+    trials
 }
