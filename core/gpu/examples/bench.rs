@@ -4,12 +4,14 @@
 //! cargo build --release -p hdtrapeze-gpu --example bench
 //! target/release/examples/bench [--size MILLIONS] [--image PIXELS] [--repeat TIMES] [--no-cpu] [--page MIB]
 //! target/release/examples/bench --occlusion [--size MILLIONS] [--image PIXELS] [--from STAGE]
-//! target/release/examples/bench --frame SAMPLES [--opacity SHARE] [--from STAGE] [--page MIB]
+//! target/release/examples/bench --frame SAMPLES [--size MILLIONS] [--opacity SHARE] [--from STAGE] [--page MIB]
 //! ```
+//!
+//! The paper's headline case is `--frame 529 --size 48.9`.
 //!
 //! Scenes of about so many million micropolygons (1): a rippling sheet, tumbling patches, fur; each still, sharp (out of focus
 //! at one time), and blurred (moving and out of focus, the same rays); traced through trees of the CPU, through such whose
-//! bounds are all upright, and through trees of the device. Rays of an image of `PIXELS` squared (1024) with 4 samples
+//! bounds are all upright, and through trees of the device. Rays of an image of `PIXELS` squared (768) with 4 samples
 //! each. Hits are compared with the CPU's before a time is printed. The device's time is by its own timestamps, of the fastest
 //! of `TIMES` (5) launches, and for each stage that makes trees, of the second time it does.
 //!
@@ -21,7 +23,7 @@
 //! `--occlusion`: 16 rays from each first hit, as they stand and in order. With `--from`, shares are held against those that are
 //! found where stages before that one (site, scatter, order, sort, occlude or share) run on the CPU.
 //!
-//! `--frame`: an image of 1280 x 720 with so many samples a pixel, of about a million micropolygons, moving and defocused. Rays are
+//! `--frame`: an image of 1280 x 720 with so many samples a pixel, of 1.24 million micropolygons or `--size`, moving and defocused. Rays are
 //! drawn, traced, shaded and filmed there, in batches that fit; only pixels come back. Each stage is timed on its own. A first
 //! pass is held against the CPU's. With `--from`, stages before that one (bound, build, instances, generate, trace, shade or film)
 //! run on the CPU. `--opacity` is everything's; where it is below 1, rays go on layer by layer. Then 16 occlusion rays leave the first hit of each pixel, in order and as they stand.
@@ -33,7 +35,9 @@ mod bench_roofline;
 mod trace_scenes;
 
 use std::error::Error;
+use std::fmt::Display;
 use std::process::ExitCode;
+use std::str::FromStr;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -59,8 +63,27 @@ const MOTIONS: [(&str, usize, f32); 3] =
     [("still", 1, 0.0), ("sharp", 1, LENS), ("blurred", 2, LENS)];
 const LENS: f32 = 0.02;
 
+/// What `--help` prints.
+const HELP: &str = "\
+bench: camera rays on a GPU, beside the CPU, on the same rays
+
+  --size M           millions of micropolygons (1; 1.24 of a frame)
+  --image N          pixels of a side of the image (768)
+  --repeat N         launches, the fastest of which counts (5)
+  --no-cpu           without the CPU's time; a sample of hits is compared
+  --page MIB         no array of a page is larger
+  --occlusion        16 rays from each first hit instead
+  --frame SAMPLES    a frame of 1280 x 720 instead, moving and defocused;
+                     --frame 529 --size 48.9 is the paper's headline case
+  --opacity SHARE    of all that is in the frame, from 0 to 1
+  --from STAGE       stages before it run on the CPU, of a frame or of
+                     occlusion rays
+  --peak-gbps X      of the device, and
+  --peak-tflops X    what it has: parts of these are printed";
+
 struct Options {
-    millions: f64,
+    /// Where they were asked for.
+    millions: Option<f64>,
     image: usize,
     repeat: u32,
     cpu: bool,
@@ -78,10 +101,22 @@ struct Options {
     secondary: Option<SecondaryStage>,
 }
 
-fn options() -> Result<Options, Box<dyn Error>> {
+/// The number that a flag is given, within these bounds.
+fn number<T: FromStr + PartialOrd + Display>(
+    flag: &str,
+    value: &str,
+    [least, most]: [T; 2],
+) -> Result<T, String> {
+    let number = value.parse::<T>().ok();
+    let number = number.filter(|x| least <= *x && *x <= most);
+    number.ok_or_else(|| format!("{flag} {value}: not a number from {least} to {most}"))
+}
+
+/// None where only help is wanted.
+fn options() -> Result<Option<Options>, Box<dyn Error>> {
     let mut options = Options {
-        millions: 1.0,
-        image: 1024,
+        millions: None,
+        image: 768,
         repeat: 5,
         cpu: true,
         peaks: Peaks::default(),
@@ -91,25 +126,33 @@ fn options() -> Result<Options, Box<dyn Error>> {
         there: FrameOptions::default(),
         secondary: None,
     };
-    let mut from = None;
+    let (mut from, mut opacity) = (None, None);
     let mut arguments = std::env::args().skip(1);
     while let Some(flag) = arguments.next() {
         let mut value = || arguments.next().ok_or(format!("{flag} needs a value"));
         match flag.as_str() {
-            "--size" => options.millions = value()?.parse()?,
-            "--image" => options.image = value()?.parse()?,
-            "--repeat" => options.repeat = value()?.parse()?,
-            "--frame" => options.frame = Some(value()?.parse()?),
-            "--opacity" => options.opacity = value()?.parse()?,
+            "--help" | "-h" => return Ok(None),
+            "--size" => options.millions = Some(number(&flag, &value()?, [1e-3, 1e3])?),
+            "--image" => options.image = number(&flag, &value()?, [8, 8192])?,
+            "--repeat" => options.repeat = number(&flag, &value()?, [1, 10_000])?,
+            "--frame" => options.frame = Some(number(&flag, &value()?, [1, 1 << 16])?),
+            "--opacity" => opacity = Some(number(&flag, &value()?, [0.0, 1.0])?),
             "--from" => from = Some(value()?),
-            "--page" => options.there.most = value()?.parse::<u64>()? << 20,
-            "--peak-gbps" => options.peaks.gbps = Some(value()?.parse()?),
-            "--peak-tflops" => options.peaks.tflops = Some(value()?.parse()?),
+            "--page" => options.there.most = number(&flag, &value()?, [1u64, 1 << 20])? << 20,
+            "--peak-gbps" => options.peaks.gbps = Some(number(&flag, &value()?, [1.0, 1e6])?),
+            "--peak-tflops" => options.peaks.tflops = Some(number(&flag, &value()?, [1e-3, 1e6])?),
             "--occlusion" => options.occlusion = true,
             "--no-cpu" => options.cpu = false,
-            _ => return Err(format!("unknown flag {flag}; see the head of bench.rs").into()),
+            _ => return Err(format!("unknown flag {flag}; see --help").into()),
         }
     }
+    if options.frame.is_none() && opacity.is_some() {
+        return Err("--opacity is of a --frame".into());
+    }
+    if options.frame.is_none() && !options.occlusion && from.is_some() {
+        return Err("--from is of a --frame or of --occlusion rays".into());
+    }
+    options.opacity = opacity.unwrap_or(1.0);
     match (from, options.occlusion) {
         (None, _) => {}
         (Some(name), true) => {
@@ -123,11 +166,7 @@ fn options() -> Result<Options, Box<dyn Error>> {
             options.there.first = named.ok_or_else(|| no_stage(&name, &all))?;
         }
     }
-    let sound = options.millions > 0.0 && options.image >= 8 && options.repeat > 0;
-    if !sound {
-        return Err("sizes and counts must be above 0, images 8 pixels or more".into());
-    }
-    Ok(options)
+    Ok(Some(options))
 }
 
 fn no_stage(name: &str, all: &[&str]) -> String {
@@ -175,21 +214,25 @@ fn on_cpu(world: &World, rays: &[Ray]) -> (Vec<Hit>, f64) {
 }
 
 fn run() -> Result<(), Box<dyn Error>> {
-    let options = options()?;
+    let Some(options) = options()? else {
+        println!("{HELP}");
+        return Ok(());
+    };
+    let cells = options.millions.unwrap_or(1.0) * 1e6;
     let device = Arc::new(Device::open()?);
     let found = device.found();
     println!("device: {}, {}, {}", found.name, found.api, found.driver);
     if let Some(samples) = options.frame {
         return bench_frame::run(
             &device,
-            (samples, options.opacity),
+            (samples, options.opacity, options.millions),
             options.there,
             DIFFERENT,
             options.peaks,
         );
     }
     if options.occlusion {
-        return occlusion(&device, &options);
+        return occlusion(&device, &options, cells);
     }
     println!(
         "{:<8} {:<7} {:<7} {:>8} {:>8} {:>5} {:>9} {:>9} {:>8} {:>8} {:>9} {:>9} {}",
@@ -215,7 +258,7 @@ fn run() -> Result<(), Box<dyn Error>> {
     for name in ["sheet", "patches", "fur"] {
         let (mut sharp, mut blurred) = (Vec::new(), Vec::new());
         for (motion, key_count, radius) in MOTIONS {
-            let mesh = scene(name, bench.options.millions * 1e6, key_count);
+            let mesh = scene(name, cells, key_count);
             let cells = mesh.cell_count();
             let upright = world_upright(mesh.clone());
             let start = Instant::now();
@@ -244,7 +287,10 @@ fn run() -> Result<(), Box<dyn Error>> {
                     _ => {}
                 }
             }
-            println!("  build: {built:.2} s on the CPU; {}", bench.build(&world)?);
+            println!(
+                "  build: {built:.2} s on the CPU; {}",
+                bench.build(&world, cells)?
+            );
         }
         for ((trees, sharp), blurred) in sharp.iter().zip(&blurred) {
             println!(
@@ -259,13 +305,13 @@ fn run() -> Result<(), Box<dyn Error>> {
 }
 
 /// What occlusion rays cost in each scene, through the CPU's trees.
-fn occlusion(device: &Arc<Device>, options: &Options) -> Result<(), Box<dyn Error>> {
+fn occlusion(device: &Arc<Device>, options: &Options, cells: f64) -> Result<(), Box<dyn Error>> {
     let tracer = Tracer::new(Arc::clone(device));
     let occlusions = Occlusions::new(tracer, options.secondary);
     Occlusions::head();
     for name in ["sheet", "patches", "fur"] {
         for (motion, key_count, radius) in MOTIONS {
-            let world = world_of(scene(name, options.millions * 1e6, key_count));
+            let world = world_of(scene(name, cells, key_count));
             let rays = rays(name, radius, key_count, options.image);
             let scene = GpuScene::new(device, &world)?;
             let name = format!("{name:<8} {motion}");
@@ -359,14 +405,16 @@ impl Bench {
         })
     }
 
-    /// Milliseconds of each stage that makes trees on the device.
-    fn build(&self, world: &World) -> Result<String, Box<dyn Error>> {
+    /// Milliseconds of each stage that makes trees on the device over so many micropolygons, and how many that is a second.
+    fn build(&self, world: &World, cells: usize) -> Result<String, Box<dyn Error>> {
         let seconds = self.scene(world, FirstOnDevice::Bound)?.build_seconds();
         let stage = |(stage, seconds): (_, f64)| format!("{stage:?} {:.2} ms", seconds * 1e3);
+        let all: f64 = seconds.iter().map(|(_, seconds)| seconds).sum();
         let stages: Vec<String> = seconds.into_iter().map(stage).collect();
+        let rate = cells as f64 / all * 1e-9;
         Ok(match stages.is_empty() {
             true => "no clock on the device".to_owned(),
-            false => stages.join(", "),
+            false => format!("{}: {rate:.3} Gmicropolygons/s", stages.join(", ")),
         })
     }
 }

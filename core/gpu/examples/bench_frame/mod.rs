@@ -32,6 +32,8 @@ const SIZE: [u32; 2] = [1280, 720];
 /// Polygons along the sheet.
 const POLYGONS: u32 = 60;
 const BALLS: u64 = 24;
+/// Millions of micropolygons of a pixel's size.
+const MILLIONS: f64 = 1.24;
 
 fn at(matrices: Vec<DMat4>) -> Vec<TransformSamples> {
     let last = (matrices.len() - 1).max(1) as f64;
@@ -113,7 +115,7 @@ fn ball(i: u64) -> PrimDesc {
     PrimDesc { common, geometry }
 }
 
-fn scene(samples: u32, opacity: f32) -> Scene {
+fn scene(samples: u32, opacity: f32, millions: f64) -> Scene {
     let mut scene = Scene::default();
     scene.prims.insert(PrimId(1), Arc::new(sheet()));
     for i in 0..BALLS {
@@ -139,6 +141,7 @@ fn scene(samples: u32, opacity: f32) -> Scene {
     scene.settings = Arc::new(RenderSettings {
         resolution: SIZE,
         samples,
+        shading_rate: (MILLIONS / millions).sqrt() as f32,
         occlusion_culling: false,
         // It makes all trees.
         backend: Backend::Gpu,
@@ -185,18 +188,21 @@ fn difference(prepared: &Prepared, on: &GpuFrame) -> Result<f64, Box<dyn Error>>
     Ok(differ as f64 / here.len() as f64)
 }
 
-/// Renders the frame with so many samples a pixel, of things with this opacity, and prints what that took; first samples may
-/// differ from the CPU's in so many parts of the image.
+/// Renders the frame with so many samples a pixel, of things with this opacity, and about so many millions of micropolygons, and
+/// prints what that took; first samples may differ from the CPU's in so many parts of the image.
 pub fn run(
     device: &Arc<Device>,
-    (samples, opacity): (u32, f32),
+    (samples, opacity, millions): (u32, f32, Option<f64>),
     options: FrameOptions,
     different: f64,
     peaks: Peaks,
 ) -> Result<(), Box<dyn Error>> {
     let never = AtomicBool::new(false);
     let start = Instant::now();
-    let prepared = prepare(&scene(samples, opacity), &NoSubdivision, None, &never)?.prepared;
+    let prepared = {
+        let scene = scene(samples, opacity, millions.unwrap_or(MILLIONS));
+        prepare(&scene, &NoSubdivision, None, &never)?.prepared
+    };
     let seconds = start.elapsed().as_secs_f64();
     let cells = prepared.statistics().micropolygons;
     println!(
