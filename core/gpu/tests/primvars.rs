@@ -1,5 +1,4 @@
-//! Primvars against the CPU's; as `frame.rs` has it for the rest. A process of its own: a driver that compiles for the CPU keeps so
-//! many kernels, and compiles again and again where there are more.
+//! Primvars against the CPU's; as `frame.rs` has it for the rest.
 
 #[path = "../../tests/support/mod.rs"]
 mod support;
@@ -97,8 +96,7 @@ fn main() {
         ("primvars_of_instances", with_primvars(instanced(true))),
         ("primvars_of_veils", with_primvars(veils())),
     ];
-    device::run(agreeing(
-        scenes,
-        &["primvars_of_everything", "primvars_of_veils"],
-    ));
+    // Layers of veils on pages are in `layers.rs`: so many dispatches of so large a kernel have a driver on the CPU compile it
+    // for each anew.
+    device::run(agreeing(scenes, &["primvars_of_everything"]));
 }
