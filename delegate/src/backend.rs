@@ -20,13 +20,18 @@ const FIRST_ON_GPU: &str = "HDTRAPEZE_FIRST_ON_GPU";
 /// 0: what drivers compile is not kept on disk.
 const PIPELINE_CACHE: &str = "HDTRAPEZE_PIPELINE_CACHE";
 
-/// What renders where no GPU does, for people.
+/// What renders where no GPU is to, for people.
 pub fn cpu(asked: Backend) -> String {
     let why = match asked {
         Backend::Auto => " (auto: no GPU has been timed yet)",
         Backend::Cpu | Backend::Gpu => "",
     };
     format!("cpu{why}")
+}
+
+/// What renders where a GPU was to and cannot, for people.
+pub fn cpu_since(why: &str) -> String {
+    format!("cpu ({why})")
 }
 
 /// How scenes are taken to a GPU, as the environment has it.
@@ -43,7 +48,10 @@ fn options_of(first: Option<&OsStr>) -> Result<FrameOptions, Error> {
         let named = name.to_str().and_then(FirstOnDevice::named);
         options.first = named.ok_or_else(|| {
             let all = FirstOnDevice::ALL.map(FirstOnDevice::name).join(", ");
-            Error::InvalidArgument(format!("{FIRST_ON_GPU} is none of {all}"))
+            let name = name.display();
+            Error::InvalidArgument(format!(
+                "{FIRST_ON_GPU} is '{name}', which is none of {all}"
+            ))
         })?;
     }
     Ok(options)
@@ -109,7 +117,7 @@ mod tests {
         assert_eq!(first("").unwrap(), FirstOnDevice::Bound);
         assert_eq!(options_of(None).unwrap().first, FirstOnDevice::Bound);
         let refused = first("cook").unwrap_err().to_string();
-        assert!(refused.contains("none of bound, build, instances"));
+        assert!(refused.contains("'cook', which is none of bound, build, instances"));
     }
 
     #[test]

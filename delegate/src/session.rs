@@ -43,6 +43,9 @@ use crate::progress::{Progress, State, Statistics};
 use crate::status::{Committed, Rendered, Shared, lock};
 use crate::translate::{self, AuthoredTopology};
 
+/// What is told where the AOV cost is asked of a GPU.
+const NO_COST: &str = "the AOV cost is 0 where a GPU traces, since none counts what it tests";
+
 /// See the module. Every method may be called from any thread.
 ///
 /// After a panic of the renderer every method returns [`Error::Poisoned`]; dropping still works.
@@ -341,9 +344,9 @@ impl Session {
     /// Which effects the committed scene calls for, and which prim called for each.
     pub fn explain(&self) -> Result<String, Error> {
         self.shared.check()?;
-        let Committed { prepared, gpu, .. } = self.committed()?;
-        let cpu = || backend::cpu(prepared.settings().backend);
-        let backend = gpu.map_or_else(cpu, |gpu| gpu.explain());
+        let Committed {
+            prepared, backend, ..
+        } = self.committed()?;
         self.shared.guard(|| prepared.explain(&backend))
     }
 
@@ -571,12 +574,13 @@ impl Session {
         if cancel.load(Ordering::Relaxed) {
             return Err(Error::Cancelled);
         }
-        let gpu = self.upload(&prepared, work.gpu.take())?;
+        let (gpu, backend) = self.upload(&prepared, work.gpu.take())?;
         work.gpu.clone_from(&gpu);
         work.current = true;
         let committed = Committed {
             prepared,
             gpu,
+            backend: backend.into(),
             pool,
         };
         let mut status = self.shared.status();
@@ -589,15 +593,16 @@ impl Session {
         Ok(committed)
     }
 
-    /// What is prepared, on a GPU where one is asked for; `before` is what it replaces. A scene that it does not take is
-    /// rendered on the CPU.
+    /// What is prepared, on a GPU where one is asked for, and what renders and why; `before` is what it replaces. A scene that
+    /// a GPU does not take is rendered on the CPU.
     fn upload(
         &self,
         prepared: &Prepared,
         before: Option<Arc<GpuFrame>>,
-    ) -> Result<Option<Arc<GpuFrame>>, Error> {
-        let Some(stages) = backend::open(prepared.settings().backend)? else {
-            return Ok(None);
+    ) -> Result<(Option<Arc<GpuFrame>>, String), Error> {
+        let asked = prepared.settings().backend;
+        let Some(stages) = backend::open(asked)? else {
+            return Ok((None, backend::cpu(asked)));
         };
         let options = backend::gpu_options()?;
         // Nobody else renders it any more. It keeps the way it was taken there.
@@ -608,11 +613,18 @@ impl Session {
             None => GpuFrame::with(options, stages, prepared),
         };
         match self.shared.guard(upload)? {
-            Ok(gpu) => Ok(Some(Arc::new(gpu))),
+            Ok(gpu) => {
+                let mut told = gpu.explain();
+                if prepared.aovs().contains(&Aov::Cost) {
+                    self.warn(&[Warning::new("", Code::Unsupported, NO_COST)]);
+                    told = format!("{told}; {NO_COST}");
+                }
+                Ok((Some(Arc::new(gpu)), told))
+            }
             Err(error) => {
                 let text = format!("{error}; the CPU renders");
                 self.warn(&[Warning::new("", Code::Backend, text)]);
-                Ok(None)
+                Ok((None, backend::cpu_since(&error.to_string())))
             }
         }
     }
@@ -628,6 +640,7 @@ impl Session {
             prepared,
             gpu,
             pool,
+            ..
         } = committed;
         let settings = &work.scene.settings;
         let total = settings.samples;

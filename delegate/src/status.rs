@@ -28,6 +28,8 @@ pub(crate) struct Committed {
     pub prepared: Arc<Prepared>,
     /// The same on a GPU, where one renders.
     pub gpu: Option<Arc<GpuFrame>>,
+    /// What renders and why, for people.
+    pub backend: Arc<str>,
     pub pool: Arc<Pool>,
 }
 

@@ -108,15 +108,15 @@ def test_a_scene_that_it_does_not_take_is_rendered_on_the_cpu():
 
 
 def command(*arguments, **environment):
+    """Runs the command with more in its environment, or without what is None."""
     run = [sys.executable, "-m", "hdtrapeze", *arguments]
-    return subprocess.run(
-        run, env=os.environ | environment, capture_output=True, text=True, check=False
-    )
+    variables = {k: v for k, v in (os.environ | environment).items() if v is not None}
+    return subprocess.run(run, env=variables, capture_output=True, text=True, check=False)
 
 
 def test_devices_says_what_each_backend_uses():
-    found = command("devices")
-    assert found.returncode == 0
+    found = command("devices", XDG_RUNTIME_DIR=None)
+    assert found.returncode == 0 and "XDG_RUNTIME_DIR" not in found.stderr
     assert "--backend auto: the CPU" in found.stdout
     for device in devices():
         assert device.name in found.stdout
@@ -131,8 +131,30 @@ def test_a_stage_can_be_the_first_on_the_gpu(tmp_path):
     arguments += ("--backend", "gpu", str(path), str(tmp_path / "out.exr"))
     told = command(*arguments, HDTRAPEZE_FIRST_ON_GPU="trace")
     assert told.returncode == 0 and "from the stage trace on" in told.stdout + told.stderr
+
+
+@pytest.mark.parametrize("backend", ["gpu", "auto", "cpu"])
+def test_a_stage_that_there_is_not_is_told_whatever_renders(tmp_path, backend):
+    if backend == "gpu" and not devices():
+        pytest.skip("no Vulkan, Metal or DX12 device is found")
+    path = tmp_path / "scene.usda"
+    stage = busy_stage()
+    stage.GetRootLayer().Export(str(path))
+    arguments = ("record", "--imageWidth", "16", "--samples", "1", "--backend", backend)
+    arguments += (str(path), str(tmp_path / "out.exr"))
     refused = command(*arguments, HDTRAPEZE_FIRST_ON_GPU="cook")
-    assert refused.returncode != 0 and "bound, build, instances" in refused.stderr
+    assert refused.returncode != 0
+    assert "'cook', which is none of bound, build, instances" in refused.stderr
+
+
+@needs_device
+def test_the_cost_of_rays_is_told_to_be_missing():
+    stage = busy_stage()
+    images, warnings = render(stage, "gpu", ("color", "cost"))
+    assert len(warnings) == 1 and "cost is 0" in str(warnings[0])
+    assert not images["cost"].any()
+    _, warnings = render(stage, "cpu", ("color", "cost"))
+    assert warnings == []
 
 
 @needs_device
@@ -150,7 +172,11 @@ def test_a_command_whose_gpu_did_not_render_all_writes_it_and_ends_with_an_error
         told = [line for line in ended.stderr.splitlines() if "turn over" in line]
         assert ended.returncode == 1 and out.exists() and len(told) == lines
         assert told[-1].startswith("error: The GPU did not render all")
+        assert all("frame 0: the GPU cannot trace" in line for line in told)
         out.unlink()
+    explained = command(*small, "--cull", "back", "--backend", "gpu", "--explain")
+    assert "backend: cpu (the GPU cannot trace" in explained.stdout
+    out.unlink()
     for arguments in (("--cull", "back", "--backend", "auto"), ("--backend", "gpu")):
         ended = command(*small, *arguments)
         assert ended.returncode == 0 and "The GPU" not in ended.stderr and out.exists()

@@ -12,8 +12,8 @@
 //! Scenes of about so many million micropolygons (1): a rippling sheet, tumbling patches, fur; each still, sharp (out of focus
 //! at one time), and blurred (moving and out of focus, the same rays); traced through trees of the CPU, through such whose
 //! bounds are all upright, and through trees of the device. Rays of an image of `PIXELS` squared (768) with 4 samples
-//! each. Hits are compared with the CPU's before a time is printed. The device's time is by its own timestamps, of the fastest
-//! of `TIMES` (5) launches, and for each stage that makes trees, of the second time it does.
+//! each, in batches that the device binds. Hits are compared with the CPU's before a time is printed. The device's time is by its own timestamps, of the fastest
+//! of `TIMES` (5) launches of each batch, and for each stage that makes trees, of the second time it does.
 //!
 //! Bytes and operations are what the tests imply; their parts of the device's peaks are told with `--peak-gbps` and
 //! `--peak-tflops`, which it does not tell itself.
@@ -27,6 +27,16 @@
 //! drawn, traced, shaded and filmed there, in batches that fit; only pixels come back. Each stage is timed on its own. A first
 //! pass is held against the CPU's. With `--from`, stages before that one (bound, build, instances, generate, trace, shade or film)
 //! run on the CPU. `--opacity` is everything's; where it is below 1, rays go on layer by layer. Then 16 occlusion rays leave the first hit of each pixel, in order and as they stand.
+
+/// `println!` that ends the program quietly where nobody reads on.
+macro_rules! say {
+    ($($text:tt)*) => {{
+        use std::io::Write;
+        if writeln!(std::io::stdout(), $($text)*).is_err() {
+            std::process::exit($crate::NOBODY_READS);
+        }
+    }};
+}
 
 mod bench_frame;
 mod bench_occlusion;
@@ -51,6 +61,8 @@ use hdtrapeze_gpu::{
     BuildOptions, Device, FirstOnDevice, FrameOptions, GpuScene, SecondaryStage, Tracer,
     TreeBuilder,
 };
+use hdtrapeze_shaders::layout::Ray as RayThere;
+use hdtrapeze_shaders::stage::BuildStage;
 use rayon::prelude::*;
 use trace_scenes::lens::Lens;
 use trace_scenes::{fur, instance, keys, patches, sheet, world_of};
@@ -63,13 +75,18 @@ const MOTIONS: [(&str, usize, f32); 3] =
     [("still", 1, 0.0), ("sharp", 1, LENS), ("blurred", 2, LENS)];
 const LENS: f32 = 0.02;
 
+/// What the program ends with where nobody reads what it prints: as if the signal SIGPIPE had ended it.
+const NOBODY_READS: i32 = 141;
+/// Rays that are traced together at most, where the device binds so many: 3 GiB.
+const TOGETHER: usize = 1 << 26;
+
 /// What `--help` prints.
 const HELP: &str = "\
 bench: camera rays on a GPU, beside the CPU, on the same rays
 
   --size M           millions of micropolygons (1; 1.24 of a frame)
   --image N          pixels of a side of the image (768)
-  --repeat N         launches, the fastest of which counts (5)
+  --repeat N         launches of a batch, the fastest of which counts (5)
   --no-cpu           without the CPU's time; a sample of hits is compared
   --page MIB         no array of a page is larger
   --occlusion        16 rays from each first hit instead
@@ -215,13 +232,13 @@ fn on_cpu(world: &World, rays: &[Ray]) -> (Vec<Hit>, f64) {
 
 fn run() -> Result<(), Box<dyn Error>> {
     let Some(options) = options()? else {
-        println!("{HELP}");
+        say!("{HELP}");
         return Ok(());
     };
     let cells = options.millions.unwrap_or(1.0) * 1e6;
     let device = Arc::new(Device::open()?);
     let found = device.found();
-    println!("device: {}, {}, {}", found.name, found.api, found.driver);
+    say!("device: {}, {}, {}", found.name, found.api, found.driver);
     if let Some(samples) = options.frame {
         return bench_frame::run(
             &device,
@@ -234,7 +251,7 @@ fn run() -> Result<(), Box<dyn Error>> {
     if options.occlusion {
         return occlusion(&device, &options, cells);
     }
-    println!(
+    say!(
         "{:<8} {:<7} {:<7} {:>8} {:>8} {:>5} {:>9} {:>9} {:>8} {:>8} {:>9} {:>9} {}",
         "scene",
         "motion",
@@ -276,24 +293,24 @@ fn run() -> Result<(), Box<dyn Error>> {
                 ("upright", &upright, FirstOnDevice::Generate),
                 ("device", &world, FirstOnDevice::Bound),
             ] {
-                print!(
+                let row = format!(
                     "{name:<8} {motion:<7} {trees:<7} {:>8.2}",
                     cells as f64 * 1e-6
                 );
-                let cost = bench.trace(world, first, &rays, &expected, key_count > 1)?;
+                let cost = bench.trace(&row, world, first, &rays, &expected, key_count > 1)?;
                 match motion {
                     "sharp" => sharp.push((trees, cost)),
                     "blurred" => blurred.push(cost),
                     _ => {}
                 }
             }
-            println!(
+            say!(
                 "  build: {built:.2} s on the CPU; {}",
                 bench.build(&world, cells)?
             );
         }
         for ((trees, sharp), blurred) in sharp.iter().zip(&blurred) {
-            println!(
+            say!(
                 "  blurred to sharp, {trees}: time {:.2}, nodes {:.2}, cells {:.2}",
                 blurred.seconds / sharp.seconds,
                 blurred.nodes / sharp.nodes,
@@ -351,9 +368,10 @@ impl Bench {
         Ok(GpuScene::build(&self.builder, world, &options)?)
     }
 
-    /// Prints what rays cost through trees of one kind.
+    /// Prints what rays cost through trees of one kind; `row` is what the line begins with.
     fn trace(
         &self,
+        row: &str,
         world: &World,
         first: FirstOnDevice,
         rays: &[Ray],
@@ -364,27 +382,35 @@ impl Bench {
         let start = Instant::now();
         let scene = self.scene(world, first)?;
         let layout = start.elapsed().as_secs_f64();
-        let counted = tracer.batch(&scene, rays, false, true)?;
-        tracer.run(&counted)?;
-        let counts = tracer.counts(&counted)?.unwrap_or_default();
-        drop(counted);
-        let batch = tracer.batch(&scene, rays, false, false)?;
-        let mut best = f64::INFINITY;
-        for _ in 0..self.options.repeat {
-            let start = Instant::now();
-            let timed = tracer.run(&batch)?;
-            best = best.min(timed.unwrap_or_else(|| start.elapsed().as_secs_f64()));
-        }
+        let mut counts = TraceCounts::default();
+        let mut best = 0.0;
         let mut hits = vec![Hit::MISS; rays.len()];
-        tracer.read(&batch, &mut hits)?;
+        let found = tracer.device().found();
+        let binding = found.largest_binding.min(found.largest_buffer) as usize;
+        let together = (binding / size_of::<RayThere>()).min(TOGETHER);
+        for (rays, hits) in rays.chunks(together).zip(hits.chunks_mut(together)) {
+            let counted = tracer.batch(&scene, rays, false, true)?;
+            tracer.run(&counted)?;
+            counts = counts + tracer.counts(&counted)?.unwrap_or_default();
+            drop(counted);
+            let batch = tracer.batch(&scene, rays, false, false)?;
+            let mut fastest = f64::INFINITY;
+            for _ in 0..self.options.repeat {
+                let start = Instant::now();
+                let timed = tracer.run(&batch)?;
+                fastest = fastest.min(timed.unwrap_or_else(|| start.elapsed().as_secs_f64()));
+            }
+            best += fastest;
+            tracer.read(&batch, hits)?;
+        }
         let some = expected.len();
         let differ = differences(&hits, expected) as f64 / some as f64;
         if differ > DIFFERENT {
-            return Err(format!("{differ} of the hits differ").into());
+            return Err(format!("{row}: {differ} of the hits differ").into());
         }
         let per_ray = |count: u64| count as f64 / rays.len() as f64;
-        println!(
-            " {:>8.0} {:>5} {layout:>9.2} {:>9.1} {:>8.1} {:>8.1} {differ:>9.6} {:>9} {}",
+        say!(
+            "{row} {:>8.0} {:>5} {layout:>9.2} {:>9.1} {:>8.1} {:>8.1} {differ:>9.6} {:>9} {}",
             scene.bytes() as f64 / f64::from(1 << 20),
             scene.page_count(),
             rays.len() as f64 / best * 1e-6,
@@ -405,17 +431,22 @@ impl Bench {
         })
     }
 
-    /// Milliseconds of each stage that makes trees on the device over so many micropolygons, and how many that is a second.
+    /// What making trees on the device over so many micropolygons takes.
     fn build(&self, world: &World, cells: usize) -> Result<String, Box<dyn Error>> {
-        let seconds = self.scene(world, FirstOnDevice::Bound)?.build_seconds();
-        let stage = |(stage, seconds): (_, f64)| format!("{stage:?} {:.2} ms", seconds * 1e3);
-        let all: f64 = seconds.iter().map(|(_, seconds)| seconds).sum();
-        let stages: Vec<String> = seconds.into_iter().map(stage).collect();
-        let rate = cells as f64 / all * 1e-9;
-        Ok(match stages.is_empty() {
-            true => "no clock on the device".to_owned(),
-            false => format!("{}: {rate:.3} Gmicropolygons/s", stages.join(", ")),
-        })
+        let scene = self.scene(world, FirstOnDevice::Bound)?;
+        Ok(stages_told(scene.build_seconds(), cells))
+    }
+}
+
+/// Milliseconds of each stage that makes trees on the device over so many micropolygons, and how many that is a second.
+fn stages_told(seconds: Vec<(BuildStage, f64)>, cells: usize) -> String {
+    let stage = |(stage, seconds): (_, f64)| format!("{stage:?} {:.2} ms", seconds * 1e3);
+    let all: f64 = seconds.iter().map(|(_, seconds)| seconds).sum();
+    let stages: Vec<String> = seconds.into_iter().map(stage).collect();
+    let rate = cells as f64 / all * 1e-9;
+    match stages.is_empty() {
+        true => "no clock on the device".to_owned(),
+        false => format!("{}: {rate:.3} Gmicropolygons/s", stages.join(", ")),
     }
 }
 

@@ -70,10 +70,10 @@ pub enum GpuError {
     },
 }
 
-/// What a driver says in lines, most of which tell where it was said.
+/// What a driver says in lines, most of which tell where it was said; without its full stop, since more may follow.
 fn on_one_line(words: &str) -> String {
     let words: Vec<&str> = words.split_whitespace().collect();
-    words.join(" ")
+    words.join(" ").trim_end_matches('.').to_owned()
 }
 
 #[cfg(test)]
@@ -88,5 +88,9 @@ mod tests {
         );
         let failed = GpuError::Failed { name, why };
         assert_eq!(failed.to_string(), "a GPU failed: Error Caused by: a cause");
+        let (name, why) = ("a GPU".to_owned(), "Not enough memory left.\n".to_owned());
+        let refused = GpuError::Refused { name, why };
+        let line = "a GPU cannot be opened: Not enough memory left";
+        assert_eq!(refused.to_string(), line);
     }
 }

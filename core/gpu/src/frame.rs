@@ -20,6 +20,7 @@ use super::tiles::GpuTiles;
 use super::trace::{packed, to_layout};
 use super::{BuildOptions, Device, FirstOnDevice, GpuCamera, GpuError, GpuScene};
 use super::{RayMaker, Tracer, TreeBuilder, pages, shade};
+use hdtrapeze_shaders::stage::BuildStage;
 
 /// The stages of a device, each compiled once.
 #[derive(Debug)]
@@ -211,6 +212,11 @@ impl GpuFrame {
         seconds.map_or([0.0; 4], |s| {
             *s.lock().unwrap_or_else(PoisonError::into_inner)
         })
+    }
+
+    /// As [`GpuScene::build_seconds`].
+    pub fn build_seconds(&self) -> Vec<(BuildStage, f64)> {
+        self.scene.build_seconds()
     }
 
     /// Pages that its scene is on.

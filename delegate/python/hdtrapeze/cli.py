@@ -43,7 +43,17 @@ def main(arguments: list[str] | None = None) -> int:
         interrupts.restore(ends=is_process)
 
 
+def _keep_drivers_quiet() -> None:
+    """Has Mesa's layer that sorts devices stay away where it would complain of a display's absence.
+
+    Devices are sorted here anyway.
+    """
+    if not ({"XDG_RUNTIME_DIR", "MESA_VK_DEVICE_SELECT"} & set(os.environ)):
+        os.environ.setdefault("NODEVICE_SELECT", "1")
+
+
 def _run(arguments: list[str], interrupts: Interrupts) -> int:
+    _keep_drivers_quiet()
     with interrupts.held():
         from . import native
         from .flags import make_parser

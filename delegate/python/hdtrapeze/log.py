@@ -11,6 +11,9 @@ import sys
 
 logger = logging.getLogger("hdtrapeze")
 
+FALLBACK = "backend"
+"""The code of the library's warning that the CPU renders what a GPU was to, or the rest of it."""
+
 
 class SceneLog:
     """Collects what is said about one scene, and says it once."""
@@ -19,9 +22,13 @@ class SceneLog:
         self._seen: set[tuple[str, str, str, int]] = set()
         self.warnings: list[tuple[str, str, str]] = []
         """(prim path, code, text) of every warning or error said, in order."""
+        self.frame: float | None = None
+        """The frame that is rendered; it is named where the CPU steps in for a GPU."""
 
     def say(self, level: int, path: str, code: str, text: str) -> None:
         """Logs `text` about the prim at `path`, unless that was said before."""
+        if code == FALLBACK and self.frame is not None:
+            text = f"frame {self.frame:g}: {text}"
         if level >= logging.WARNING:
             key = (path, code, text, level)
             if key in self._seen:

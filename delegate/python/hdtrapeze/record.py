@@ -13,7 +13,7 @@ from pxr import Usd
 
 from .errors import HdTrapezeError, Interrupted, NativeError, OutputError, SceneError
 from .frames import OutputPath, parse_frames
-from .log import SceneLog, logger
+from .log import FALLBACK, SceneLog, logger
 from .outputs import Output, check_writable, metadata, own_kind
 from .plan import Planner, Render
 from .progress import ProgressBar
@@ -22,9 +22,6 @@ from .request import check_flags, make_request
 from .stage import Diagnostics, open_stage
 from .tracefile import Trace
 from .unwritten import Unwritten
-
-FALLBACK = "backend"
-"""The code of the library's warning that the CPU renders what a GPU was to, or the rest of it."""
 
 
 def record(args) -> None:
@@ -102,6 +99,7 @@ def _record_frames(command: _Command, renderer: Renderer, frames: list[float | N
     """Renders every frame; one that fails does not keep the others from being rendered."""
     failed: list[HdTrapezeError] = []
     for frame in frames:
+        command.log.frame = frame
         try:
             details = {"frame": "default" if frame is None else frame}
             with command.trace.span("frame", **details) as details:

@@ -21,11 +21,12 @@ use hdtrapeze_core::scene::{
     TransformSamples,
 };
 use hdtrapeze_core::surface::{MeshTopology, Scheme};
-use hdtrapeze_gpu::{Device, FrameOptions, GpuFrame, Stages};
+use hdtrapeze_gpu::{Device, FirstOnDevice, FrameOptions, GpuFrame, Stages};
 use secondary::Secondary;
 use support::NoSubdivision;
 
 use crate::bench_roofline::Peaks;
+use crate::stages_told;
 
 /// Pixels of the image.
 const SIZE: [u32; 2] = [1280, 720];
@@ -205,7 +206,7 @@ pub fn run(
     };
     let seconds = start.elapsed().as_secs_f64();
     let cells = prepared.statistics().micropolygons;
-    println!(
+    say!(
         "prepared in {seconds:.2} s: {:.2} Mcells",
         cells as f64 * 1e-6
     );
@@ -214,18 +215,22 @@ pub fn run(
     let on_gpu = GpuFrame::with(options, stages, &prepared)?;
     let mib = on_gpu.bytes() as f64 / f64::from(1 << 20);
     let here = prepared.world().stats();
-    println!(
+    say!(
         "uploaded in {:.2} s: {mib:.0} MiB; {}; {} of {} trees made on the CPU",
         start.elapsed().as_secs_f64(),
         on_gpu.explain(),
         here.trees,
         here.objects,
     );
+    if options.first < FirstOnDevice::Generate {
+        let seconds = on_gpu.build_seconds();
+        say!("trees made there: {}", stages_told(seconds, cells as usize));
+    }
     if on_gpu.stages() != (options.first.of_samples()..=Stage::Film) {
         return Err(on_gpu.explain().into());
     }
     let differ = difference(&prepared, &on_gpu)?;
-    println!("first samples that differ from the CPU's: {differ:.6}");
+    say!("first samples that differ from the CPU's: {differ:.6}");
     if differ > different {
         return Err(format!("{differ} of the pixels differ").into());
     }
@@ -242,16 +247,16 @@ pub fn run(
         return Err(why.into());
     }
     let rays = f64::from(SIZE[0] * SIZE[1]) * f64::from(samples);
-    println!("{:<9} {:>9} {:>9}", "stage", "s", "Mrays/s");
+    say!("{:<9} {:>9} {:>9}", "stage", "s", "Mrays/s");
     for (stage, seconds) in ["generate", "trace", "shade", "film"]
         .iter()
         .zip(on_gpu.seconds())
     {
-        println!("{stage:<9} {seconds:>9.3} {:>9.1}", rays / seconds * 1e-6);
+        say!("{stage:<9} {seconds:>9.3} {:>9.1}", rays / seconds * 1e-6);
     }
     let seconds = rendered.seconds;
-    println!("{:<9} {seconds:>9.3} {:>9.1}", "all", rays / seconds * 1e-6);
-    println!(
+    say!("{:<9} {seconds:>9.3} {:>9.1}", "all", rays / seconds * 1e-6);
+    say!(
         "{:.1} M rays, {samples} samples a pixel of {SIZE:?}",
         rays * 1e-6
     );

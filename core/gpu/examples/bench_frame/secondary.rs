@@ -96,14 +96,14 @@ impl<'a> Secondary<'a> {
         }
         counts.rays = hits;
         let secondary = hits as f64;
-        println!(
+        say!(
             "{:.2} M occlusion rays: {:.1} nodes and {:.1} cells a ray; {:.3} of all is free",
             secondary * 1e-6,
             counts.node_tests as f64 / secondary,
             counts.cell_tests as f64 / secondary,
             free / f64::from(rays),
         );
-        println!(
+        say!(
             "{:<18} {:>9} {:>9} {}",
             "stage",
             "s",
@@ -113,7 +113,7 @@ impl<'a> Secondary<'a> {
         let asked = asked(&counts, true, RAY_BYTES + OCCLUDED_BYTES);
         let line = |stage: &str, seconds: f64, columns: String| {
             let rate = secondary / seconds * 1e-6;
-            println!("{stage:<18} {seconds:>9.3} {rate:>9.1} {columns}");
+            say!("{stage:<18} {seconds:>9.3} {rate:>9.1} {columns}");
         };
         let [plain, sorted] = seconds;
         line("scatter", sorted.scatter, String::new());
@@ -162,7 +162,7 @@ impl<'a> Secondary<'a> {
             .occluded(&self.scene, &some, true, &mut there)?;
         let differ = here.iter().zip(&there).filter(|(a, b)| a != b).count();
         let share = differ as f64 / some.len().max(1) as f64;
-        println!(
+        say!(
             "occlusion that differs from the CPU's: {differ} of {} rays",
             some.len()
         );

@@ -57,7 +57,7 @@ impl Occlusions {
     }
 
     pub fn head() {
-        println!(
+        say!(
             "{:<8} {:<7} {:<9} {:>7} {:>7} {:>7} {:>9} {:>9} {:>8} {:>8} {:>9} {:>8}",
             "scene",
             "motion",
@@ -118,7 +118,7 @@ impl Occlusions {
             }
             let per_ray = |count: u64| count as f64 / work.counts.rays as f64;
             let efficiency = |tests: u64, waited: u64| tests as f64 / waited.max(1) as f64;
-            println!(
+            say!(
                 "{name:<16} {order:<9} {:>7.2} {:>7.2} {:>7.2} {:>9.3} {:>9.3} {:>8.1} {:>8.3} {:>9.1} {share:>8.6}",
                 work.counts.rays as f64 * 1e-6,
                 per_ray(work.counts.node_tests),
@@ -130,7 +130,7 @@ impl Occlusions {
                 work.rays as f64 / work.occlude * 1e-6,
             );
             if let Some(first) = self.first {
-                println!(
+                say!(
                     "  from {} on: {apart} of {shares} shares differ",
                     first.name()
                 );

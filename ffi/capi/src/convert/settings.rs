@@ -71,6 +71,8 @@ pub(crate) fn settings(from: &trz_settings) -> Result<RenderSettings, Fault> {
     }
     let chosen = pick(&BACKENDS, from.backend, "backend")?;
     backend::open(chosen)?;
+    // A mistake in it is told before it matters.
+    backend::gpu_options()?;
     output::exr(from.pixel_type, from.compression)?;
     let told = from.time_codes_per_second;
     if !(told.is_finite() && told >= 0.0) {
