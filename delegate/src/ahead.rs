@@ -8,9 +8,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, PoisonError, Weak};
 use std::time::Duration;
 
-use hdtrapeze_core::render;
+use hdtrapeze_core::render::{self, Watcher};
 use hdtrapeze_core::scene::{PrimDesc, PrimId, Scene};
 use hdtrapeze_core::surface::SubdivisionFactory;
+use hdtrapeze_gpu::EarlyVertices;
 
 use crate::pool::Pool;
 use crate::status::{Shared, lock};
@@ -29,6 +30,8 @@ pub(crate) struct Ahead {
 
 struct Work {
     prepared: render::Ahead,
+    /// Where a GPU is to render, what goes there already.
+    early: Option<EarlyVertices>,
     factory: Arc<dyn SubdivisionFactory>,
     /// Not owned: it owns the pool, which must not be dropped by one of its own threads.
     shared: Weak<Shared>,
@@ -48,9 +51,11 @@ impl Ahead {
         factory: &Arc<dyn SubdivisionFactory>,
         shared: &Arc<Shared>,
         pool: Arc<Pool>,
+        early: Option<EarlyVertices>,
     ) -> Option<Self> {
         let work = Work {
             prepared: render::Ahead::new(view)?,
+            early,
             factory: factory.clone(),
             shared: Arc::downgrade(shared),
             running: Mutex::new(0),
@@ -75,7 +80,11 @@ impl Ahead {
                 && !work.stop.load(Ordering::Relaxed)
             {
                 let factory = work.factory.as_ref();
-                let prepare = || work.prepared.prepare(id, &prim, factory, &work.cancel);
+                let watcher = work.early.as_ref().map(|early| early as &dyn Watcher);
+                let prepare = || {
+                    work.prepared
+                        .prepare(id, &prim, factory, watcher, &work.cancel)
+                };
                 // A panic poisons the session, which is told by whatever is called next.
                 let _ = shared.guard(prepare);
             }
@@ -84,8 +93,9 @@ impl Ahead {
         });
     }
 
-    /// Waits for what has begun, and begins nothing more; `cancel` interrupts it.
-    pub fn finish(&self, cancel: &AtomicBool) -> &render::Ahead {
+    /// Waits for what has begun, and begins nothing more; `cancel` interrupts it. Gives what was prepared, and what of it is on
+    /// a GPU.
+    pub fn finish(&self, cancel: &AtomicBool) -> (&render::Ahead, Option<&EarlyVertices>) {
         self.work.stop.store(true, Ordering::Relaxed);
         let mut running = lock(&self.work.running);
         while *running > 0 {
@@ -96,7 +106,7 @@ impl Ahead {
             running = woken.unwrap_or_else(PoisonError::into_inner).0;
         }
         drop(running);
-        &self.work.prepared
+        (&self.work.prepared, self.work.early.as_ref())
     }
 }
 

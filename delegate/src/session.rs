@@ -15,12 +15,12 @@ use hdtrapeze_core::diagnostics::{Code, Warning};
 use hdtrapeze_core::dump::dump;
 use hdtrapeze_core::memory;
 use hdtrapeze_core::render::{
-    Elsewhere, Frame, Prepared, RayTracer, RenderControl, RenderStatistics, WorldHit, WorldRay,
-    prepare_with, render_with,
+    Elsewhere, Frame, Prepared, RayTracer, RenderControl, RenderStatistics, Watcher, WorldHit,
+    WorldRay, prepare_with, render_with,
 };
 use hdtrapeze_core::scene::{PrimId, RenderSettings, Scene};
 use hdtrapeze_core::surface::SubdivisionFactory;
-use hdtrapeze_gpu::GpuFrame;
+use hdtrapeze_gpu::{EarlyBytes, EarlyVertices, GpuFrame};
 use tracing::Level;
 use tracing::dispatcher::with_default;
 
@@ -140,7 +140,8 @@ impl Session {
             let view = lock(&self.edits).view();
             let threads = view.settings.threads;
             let pool = self.pool(&mut work, threads)?;
-            *ahead = Ahead::new(&view, version, &self.factory, &self.shared, pool);
+            let early = early_vertices(&view.settings);
+            *ahead = Ahead::new(&view, version, &self.factory, &self.shared, pool, early);
         }
         if let Some(ahead) = &*ahead {
             ahead.begin(id, prim);
@@ -561,11 +562,19 @@ impl Session {
         let pool = self.pool(work, work.scene.settings.threads)?;
         let ahead = lock(&self.ahead).take();
         let ahead = ahead.as_ref().map(|ahead| ahead.finish(cancel));
+        let (ahead, begun) = ahead.map_or((None, None), |(ahead, early)| (Some(ahead), early));
+        let new = early_vertices(&work.scene.settings);
+        // Settings may have changed since.
+        let begun = begun.filter(|begun| new.as_ref().is_some_and(|new| begun.is_like(new)));
+        let early = begun.or(new.as_ref());
+        let watcher = early.map(|early| early as &dyn Watcher);
         let (scene, previous) = (&work.scene, work.previous.as_deref());
         let factory = self.factory.as_ref();
         let preparation = self
             .shared
-            .guard(|| pool.install(|| prepare_with(scene, factory, previous, ahead, cancel)))?
+            .guard(|| {
+                pool.install(|| prepare_with(scene, factory, previous, ahead, watcher, cancel))
+            })?
             .map_err(prepare_error)?;
         self.warn(&preparation.warnings);
         let prepared = Arc::new(preparation.prepared);
@@ -574,8 +583,21 @@ impl Session {
         if cancel.load(Ordering::Relaxed) {
             return Err(Error::Cancelled);
         }
-        let (gpu, backend) = self.upload(&prepared, work.gpu.take())?;
+        let (gpu, backend) = self.upload(&prepared, work.gpu.take(), early)?;
         work.gpu.clone_from(&gpu);
+        if let Some(bytes) = early.map(EarlyVertices::bytes).filter(|b| b.uploaded > 0) {
+            let EarlyBytes {
+                uploaded,
+                beside,
+                used,
+            } = bytes;
+            with_default(&self.shared.dispatch, || {
+                tracing::debug!(
+                    "of {uploaded} bytes of vertices that went to the GPU early, {beside} did before the last prim was diced, \
+                     and {used} are in the scene"
+                );
+            });
+        }
         work.current = true;
         let committed = Committed {
             prepared,
@@ -593,12 +615,13 @@ impl Session {
         Ok(committed)
     }
 
-    /// What is prepared, on a GPU where one is asked for, and what renders and why; `before` is what it replaces. A scene that
-    /// a GPU does not take is rendered on the CPU.
+    /// What is prepared, on a GPU where one is asked for, and what renders and why; `before` is what it replaces, `early`
+    /// what is there already. A scene that a GPU does not take is rendered on the CPU.
     fn upload(
         &self,
         prepared: &Prepared,
         before: Option<Arc<GpuFrame>>,
+        early: Option<&EarlyVertices>,
     ) -> Result<(Option<Arc<GpuFrame>>, String), Error> {
         let asked = prepared.settings().backend;
         let Some(stages) = backend::open(asked)? else {
@@ -609,8 +632,8 @@ impl Session {
         let before = before.and_then(Arc::into_inner);
         let before = before.filter(|gpu| gpu.is_of(&stages, &options));
         let upload = || match before {
-            Some(before) => before.after(prepared),
-            None => GpuFrame::with(options, stages, prepared),
+            Some(before) => before.after_early(prepared, early),
+            None => GpuFrame::with_early(options, stages, prepared, early),
         };
         match self.shared.guard(upload)? {
             Ok(gpu) => {
@@ -688,6 +711,13 @@ impl Drop for Session {
         let mut work = std::mem::take(&mut *lock(&self.work));
         self.stop(&mut work);
     }
+}
+
+/// Takes vertices to the GPU as they are diced, where one is to render with these settings.
+fn early_vertices(settings: &RenderSettings) -> Option<EarlyVertices> {
+    // What is wrong with it is told once the scene is to go there.
+    let stages = backend::open(settings.backend).ok()??;
+    EarlyVertices::for_frame(&stages, &backend::gpu_options().ok()?)
 }
 
 /// The render thread.

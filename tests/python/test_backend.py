@@ -1,11 +1,14 @@
 """The backend gpu: what it renders, and what is said where it cannot."""
 
+import logging
 import os
+import re
 import subprocess
 import sys
 
 import numpy as np
 import pytest
+from hdtrapeze import native
 from hdtrapeze.devices import devices
 from hdtrapeze.options import Options
 from hdtrapeze.render import Renderer
@@ -46,6 +49,28 @@ def test_images_are_the_cpus():
     for name in ("color", "depth", "normal"):
         off = np.abs(gpu[name].astype(np.float64) - cpu[name])
         assert np.mean(off > 1e-4) < 0.01, name
+
+
+@needs_device
+@pytest.mark.parametrize("backend", ["gpu", "cpu"])
+def test_vertices_go_to_the_gpu_while_others_are_diced(backend, caplog):
+    stage = busy_stage()
+    for i in range(4):
+        ball = UsdGeom.Sphere.Define(stage, f"/fine{i}")
+        ball.CreateRadiusAttr(2.0 + 0.1 * i)
+    options = Options(width=320, height=320, samples=1, camera="/camera", backend=backend)
+    (options.shading_rate, options.threads) = (0.5, 1)
+    with caplog.at_level(logging.DEBUG, "hdtrapeze"), Renderer(options) as renderer:
+        session = renderer.session
+        debug = native.constants().TRZ_LOG_DEBUG
+        session._call("trz_session_set_log", session._callback, native.ffi.NULL, debug)
+        renderer.load(stage, 0.0)
+        renderer.render()
+    told = [re.findall(r"\d+", text) for text in caplog.messages if "went to the GPU early" in text]
+    assert len(told) == (1 if backend == "gpu" else 0)
+    for uploaded, beside, used in (map(int, numbers) for numbers in told):
+        # By one thread: a chunk of two balls, and another one once the last is diced.
+        assert uploaded > 8 << 20 and 4 << 20 < beside < uploaded and used == uploaded
 
 
 def add_turning(stage):

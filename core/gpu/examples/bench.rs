@@ -4,7 +4,7 @@
 //! cargo build --release -p hdtrapeze-gpu --example bench
 //! target/release/examples/bench [--size MILLIONS] [--image PIXELS] [--repeat TIMES] [--no-cpu] [--page MIB]
 //! target/release/examples/bench --occlusion [--size MILLIONS] [--image PIXELS] [--from STAGE]
-//! target/release/examples/bench --frame SAMPLES [--size MILLIONS] [--opacity SHARE] [--from STAGE] [--page MIB]
+//! target/release/examples/bench --frame SAMPLES [--size MILLIONS] [--opacity SHARE] [--from STAGE] [--page MIB] [--late]
 //! ```
 //!
 //! The paper's headline case is `--frame 529 --size 48.9`.
@@ -26,7 +26,8 @@
 //! `--frame`: an image of 1280 x 720 with so many samples a pixel, of 1.24 million micropolygons or `--size`, moving and defocused. Rays are
 //! drawn, traced, shaded and filmed there, in batches that fit; only pixels come back. Each stage is timed on its own. A first
 //! pass is held against the CPU's. With `--from`, stages before that one (bound, build, instances, generate, trace, shade or film)
-//! run on the CPU. `--opacity` is everything's; where it is below 1, rays go on layer by layer. Then 16 occlusion rays leave the first hit of each pixel, in order and as they stand.
+//! run on the CPU. `--opacity` is everything's; where it is below 1, rays go on layer by layer. Vertices go there
+//! while others are diced, with `--late` after all are. Then 16 occlusion rays leave the first hit of each pixel, in order and as they stand.
 
 /// `println!` that ends the program quietly where nobody reads on.
 macro_rules! say {
@@ -93,6 +94,7 @@ bench: camera rays on a GPU, beside the CPU, on the same rays
   --frame SAMPLES    a frame of 1280 x 720 instead, moving and defocused;
                      --frame 529 --size 48.9 is the paper's headline case
   --opacity SHARE    of all that is in the frame, from 0 to 1
+  --late             vertices of a frame go there when all is diced
   --from STAGE       stages before it run on the CPU, of a frame or of
                      occlusion rays
   --peak-gbps X      of the device, and
@@ -112,6 +114,8 @@ struct Options {
     frame: Option<u32>,
     /// Of all that is in a frame.
     opacity: f32,
+    /// Vertices of a frame go to the device before all is diced.
+    early: bool,
     /// How frames and scenes are taken to the device.
     there: FrameOptions,
     /// The first stage of secondary rays there, where some are to run on the CPU.
@@ -140,6 +144,7 @@ fn options() -> Result<Option<Options>, Box<dyn Error>> {
         occlusion: false,
         frame: None,
         opacity: 1.0,
+        early: true,
         there: FrameOptions::default(),
         secondary: None,
     };
@@ -160,11 +165,15 @@ fn options() -> Result<Option<Options>, Box<dyn Error>> {
             "--peak-tflops" => options.peaks.tflops = Some(number(&flag, &value()?, [1e-3, 1e6])?),
             "--occlusion" => options.occlusion = true,
             "--no-cpu" => options.cpu = false,
+            "--late" => options.early = false,
             _ => return Err(format!("unknown flag {flag}; see --help").into()),
         }
     }
     if options.frame.is_none() && opacity.is_some() {
         return Err("--opacity is of a --frame".into());
+    }
+    if options.frame.is_none() && !options.early {
+        return Err("--late is of a --frame".into());
     }
     if options.frame.is_none() && !options.occlusion && from.is_some() {
         return Err("--from is of a --frame or of --occlusion rays".into());
@@ -243,7 +252,7 @@ fn run() -> Result<(), Box<dyn Error>> {
         return bench_frame::run(
             &device,
             (samples, options.opacity, options.millions),
-            options.there,
+            (options.there, options.early),
             DIFFERENT,
             options.peaks,
         );

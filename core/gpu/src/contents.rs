@@ -22,6 +22,14 @@ pub struct Contents {
     pub root: u32,
 }
 
+impl Device {
+    /// Bytes of all buffers that it has, in use or not given back yet, where it tells.
+    pub fn allocated_bytes(&self) -> Option<u64> {
+        let report = self.device.generate_allocator_report()?;
+        Some(report.total_allocated_bytes)
+    }
+}
+
 impl GpuScene {
     /// Reads all pages back.
     ///

@@ -18,7 +18,7 @@ use super::layers::{Layer, Layers};
 use super::shade::{GpuLooks, Shader};
 use super::tiles::GpuTiles;
 use super::trace::{packed, to_layout};
-use super::{BuildOptions, Device, FirstOnDevice, GpuCamera, GpuError, GpuScene};
+use super::{BuildOptions, Device, EarlyVertices, FirstOnDevice, GpuCamera, GpuError, GpuScene};
 use super::{RayMaker, Tracer, TreeBuilder, pages, shade};
 use hdtrapeze_shaders::stage::BuildStage;
 
@@ -102,6 +102,19 @@ impl GpuFrame {
         stages: Arc<Stages>,
         prepared: &Prepared,
     ) -> Result<Self, GpuError> {
+        Self::with_early(options, stages, prepared, None)
+    }
+
+    /// The same where vertices of some objects are on the device.
+    ///
+    /// # Errors
+    /// As [`GpuFrame::with`].
+    pub fn with_early(
+        options: FrameOptions,
+        stages: Arc<Stages>,
+        prepared: &Prepared,
+        early: Option<&EarlyVertices>,
+    ) -> Result<Self, GpuError> {
         let build = BuildOptions {
             first: options.first,
             most: options.most,
@@ -115,7 +128,7 @@ impl GpuFrame {
             true => pages::Paints::new(),
             false => shade::paints_of(prepared),
         };
-        let scene = GpuScene::painted(&stages.builder, prepared.world(), &build, &paints)?;
+        let scene = GpuScene::painted(&stages.builder, prepared.world(), &build, &paints, early)?;
         Self::around(options, stages, scene, prepared)
     }
 
@@ -125,6 +138,18 @@ impl GpuFrame {
     /// # Errors
     /// As [`GpuFrame::new`].
     pub fn after(self, prepared: &Prepared) -> Result<Self, GpuError> {
+        self.after_early(prepared, None)
+    }
+
+    /// The same where vertices of some objects are on the device.
+    ///
+    /// # Errors
+    /// As [`GpuFrame::new`].
+    pub fn after_early(
+        self,
+        prepared: &Prepared,
+        early: Option<&EarlyVertices>,
+    ) -> Result<Self, GpuError> {
         let Self {
             stages,
             mut scene,
@@ -135,7 +160,7 @@ impl GpuFrame {
         } = self;
         // Their room is for what comes.
         drop((camera, looks));
-        let refitted = match scene.refit(&stages.builder, prepared.world()) {
+        let refitted = match scene.refit_early(&stages.builder, prepared.world(), early) {
             // There may be room for one of both, or for more pages.
             Err(
                 GpuError::TooLarge { .. } | GpuError::OutOfMemory { .. } | GpuError::Unsupported(_),
@@ -150,7 +175,7 @@ impl GpuFrame {
             });
         }
         drop(scene);
-        Self::with(options, stages, prepared)
+        Self::with_early(options, stages, prepared, early)
     }
 
     fn around(

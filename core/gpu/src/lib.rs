@@ -4,7 +4,7 @@
 //! from `hdtrapeze_shaders`; core knows nothing of devices. Nothing here panics where there is no device, where one is too
 //! small, or where it is lost: every fault is a [`GpuError`], and callers go on with the CPU.
 //!
-//! [`device`] finds and opens devices, [`kernel`] compiles stages, which [`kept`] keeps on disk, [`scene`] lays a world out for them, [`build`] makes
+//! [`device`] finds and opens devices, [`kernel`] compiles stages, which [`kept`] keeps on disk, [`scene`] lays a world out for them, [`early`] takes vertices there before the world is complete, [`build`] makes
 //! trees there. Stages: [`generate`] draws camera rays, [`trace`] traces rays, [`shade`] tells what their hits give, [`film`]
 //! sums that up by pixel; where hits are not opaque, `trace` and `shade` take turns, layer after layer; [`occlude`] sends rays
 //! on from hits, and tells how many meet nothing; [`frame`] runs those that core's passes need, from the [`first`] on; [`pace`] tells how much
@@ -15,6 +15,7 @@
 pub mod build;
 pub mod contents;
 pub mod device;
+pub mod early;
 pub mod error;
 pub mod film;
 pub mod first;
@@ -32,9 +33,11 @@ pub mod shade;
 mod stack;
 pub mod tiles;
 pub mod trace;
+mod vertices;
 
 pub use build::{BuildOptions, TreeBuilder};
 pub use device::{Device, Found};
+pub use early::{EarlyBytes, EarlyLimits, EarlyVertices};
 pub use error::GpuError;
 pub use first::{FirstOnDevice, SecondaryStage};
 pub use frame::{FrameOptions, GpuFrame, Stages};

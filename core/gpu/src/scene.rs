@@ -21,7 +21,9 @@ use hdtrapeze_shaders::layout::{GridHeader, Instance, Object};
 use hdtrapeze_shaders::stage::{BuildStage, STACKS, TracePermutation};
 
 use super::build::{Maker, Refits};
+use super::early::There;
 use super::pages::Paints;
+use super::vertices::Vertices;
 use super::{Device, GpuError, pages, stack};
 
 /// Units of 16 bytes.
@@ -86,7 +88,7 @@ pub(crate) struct Made {
 
 pub(crate) struct Arrays {
     pub nodes: Vec<Unit>,
-    pub planes: Vec<f32>,
+    pub planes: Vertices,
     pub words: Vec<u32>,
     pub objects: Vec<Object>,
     instances: Vec<Instance>,
@@ -149,6 +151,11 @@ impl GpuScene {
         paints: &Paints,
     ) -> Result<Self, GpuError> {
         let plan = pages::plan(parts, most, maker.trees(), paints);
+        if let Some(early) = maker.early() {
+            let sets: Vec<_> = parts.sets().collect();
+            let cut = plan.iter().flatten().filter(|pick| pick.grids.is_some());
+            cut.for_each(|pick| early.forget(sets[pick.set].object()));
+        }
         let device = maker.device();
         // What is uploaded is kept on the host until the device has taken it: that of two pages, no more.
         let mut on_its_way = None;
@@ -291,12 +298,7 @@ impl Page {
         }
         let trees = [
             upload(device, most, "nodes", bytemuck::cast_slice(&arrays.nodes))?,
-            upload(
-                device,
-                most,
-                "vertices",
-                bytemuck::cast_slice(&arrays.planes),
-            )?,
+            std::mem::take(&mut arrays.planes).upload(device, most)?,
             upload(device, most, "grids", bytemuck::cast_slice(&arrays.words))?,
         ];
         Self::of(device, (world, numbers), &arrays, trees, start, most)
@@ -366,7 +368,7 @@ impl Arrays {
     pub fn new() -> Self {
         Self {
             nodes: Vec::new(),
-            planes: Vec::new(),
+            planes: Vertices::default(),
             // Place 0 is the identity's frame.
             words: vec![0],
             objects: Vec::new(),
@@ -464,12 +466,19 @@ impl Arrays {
                 return Err(GpuError::Unsupported(what));
             }
         };
-        self.mesh(object.mesh(), grids, root, object.radius());
+        self.mesh((object.mesh(), None), grids, root, object.radius());
         Ok(need)
     }
 
-    /// Adds the grids and vertices of an object. `in_whole` are the numbers of its grids, where some are elsewhere.
-    pub fn mesh(&mut self, mesh: &PlanarMesh, in_whole: Option<&[u32]>, root: u32, radius: f32) {
+    /// Adds the grids and vertices of an object, which may be on the device. `in_whole` are the numbers of its grids, where some
+    /// are elsewhere.
+    pub fn mesh(
+        &mut self,
+        (mesh, there): (&PlanarMesh, Option<There>),
+        in_whole: Option<&[u32]>,
+        root: u32,
+        radius: f32,
+    ) {
         self.time |= mesh.is_moving();
         let grids = self.words.len() as u32;
         for grid in &mesh.grids {
@@ -495,7 +504,7 @@ impl Arrays {
             numbers,
             grid_count: mesh.grids.len() as u32,
         });
-        self.planes.extend_from_slice(mesh.planes());
+        self.planes.add(mesh, there);
     }
 
     /// Adds key times, which instances of a set share.

@@ -10,6 +10,7 @@ use super::earlier::same_dicing;
 use super::objects::prepare_prim;
 use super::prepare::View;
 use super::prepared::CacheEntry;
+use super::watcher::Watcher;
 use crate::scene::{PrimDesc, PrimId, Scene};
 use crate::surface::SubdivisionFactory;
 
@@ -31,12 +32,14 @@ impl Ahead {
         })
     }
 
-    /// Prepares one prim, on the calling thread's rayon pool. What `cancel` interrupts is not kept.
+    /// Prepares one prim, on the calling thread's rayon pool, and tells `watcher` of what it becomes. What `cancel` interrupts
+    /// is not kept.
     pub fn prepare(
         &self,
         id: PrimId,
         desc: &Arc<PrimDesc>,
         factory: &dyn SubdivisionFactory,
+        watcher: Option<&dyn Watcher>,
         cancel: &AtomicBool,
     ) {
         // Where parts of instancers are is known at the commit.
@@ -44,7 +47,7 @@ impl Ahead {
             return;
         }
         let instancers = HashMap::new();
-        let context = self.view.context(&instancers, factory, cancel);
+        let context = self.view.context(&instancers, factory, watcher, cancel);
         let chain = Chain::new();
         let objects = prepare_prim(desc, &chain, None, &context);
         if cancel.load(std::sync::atomic::Ordering::Relaxed) {

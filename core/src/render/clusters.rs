@@ -304,7 +304,7 @@ impl PrimObjects {
             Some(Ok(output)) => {
                 self.limit_evaluations += output.limit_evaluations;
                 let start = Instant::now();
-                let object = Arc::new(context.object(source.finished(output)));
+                let object = context.object(source.finished(output));
                 self.build_seconds += start.elapsed().as_secs_f64();
                 let set = InstanceSet::translated(object, vec![place]);
                 self.placed.push(placed(set));

@@ -23,6 +23,7 @@ mod prepared;
 mod primvar_aovs;
 mod query;
 mod shape;
+mod watcher;
 
 pub use crate::film::{Frame, FrameError};
 pub use ahead::Ahead;
@@ -35,3 +36,4 @@ pub(crate) use prepare::resolve_shutter;
 pub use prepare::{Preparation, PrepareError, prepare, prepare_with};
 pub use prepared::{PrepareStatistics, Prepared};
 pub use query::{WorldHit, WorldRay};
+pub use watcher::Watcher;

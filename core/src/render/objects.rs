@@ -15,6 +15,7 @@ use super::instances::{self, Shared};
 use super::kept::DicedFor;
 use super::primvar_aovs::{PrimPrimvar, PrimPrimvars, asked_of};
 use super::shape::{self, Shape, Target};
+use super::watcher::Watcher;
 use crate::bvh::ObjectGeometry;
 use crate::camera::Camera;
 use crate::diagnostics::{Code, Warning};
@@ -45,6 +46,7 @@ pub(super) struct Context<'a> {
     pub settings: &'a RenderSettings,
     pub factory: &'a dyn SubdivisionFactory,
     pub cancel: &'a AtomicBool,
+    pub watcher: Option<&'a dyn Watcher>,
     /// Names of the primvars that AOVs ask for, ascending.
     pub primvar_aovs: &'a [String],
 }
@@ -92,11 +94,15 @@ pub(super) struct PrimObjects {
 
 impl Context<'_> {
     /// An object; where a GPU is to trace, it makes the tree, unless the CPU has to after all.
-    pub fn object(&self, diced: DicedMesh) -> ObjectGeometry {
-        match self.settings.backend {
+    pub fn object(&self, diced: DicedMesh) -> Arc<ObjectGeometry> {
+        let object = Arc::new(match self.settings.backend {
             Backend::Gpu => ObjectGeometry::later(diced),
             Backend::Auto | Backend::Cpu => ObjectGeometry::new(diced),
+        });
+        if let Some(watcher) = self.watcher {
+            watcher.diced(&object);
         }
+        object
     }
 }
 
@@ -337,6 +343,6 @@ impl PrimObjects {
                 format!("{lost} grids are not finite; dropped"),
             );
         }
-        Some(Arc::new(geometry))
+        Some(geometry)
     }
 }

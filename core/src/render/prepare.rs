@@ -14,6 +14,7 @@ use super::nests::{Member, beyond_memory};
 use super::objects::{Context, PrimObjects, prepare_prim};
 use super::prepared::{CacheEntry, PrepareStatistics, Prepared, PreparedPrim, SetEntry};
 use super::primvar_aovs;
+use super::watcher::Watcher;
 use crate::aov::{Aov, primvar_of};
 use crate::camera::Camera;
 use crate::diagnostics::{Code, Warning};
@@ -94,6 +95,7 @@ impl View {
         &'a self,
         instancers: &'a HashMap<PrimId, Arc<Instancer>>,
         factory: &'a dyn SubdivisionFactory,
+        watcher: Option<&'a dyn Watcher>,
         cancel: &'a AtomicBool,
     ) -> Context<'a> {
         Context {
@@ -104,6 +106,7 @@ impl View {
             settings: &self.settings,
             factory,
             cancel,
+            watcher,
             primvar_aovs: &self.primvar_aovs,
         }
     }
@@ -120,10 +123,10 @@ pub fn prepare(
     previous: Option<&Prepared>,
     cancel: &AtomicBool,
 ) -> Result<Preparation, PrepareError> {
-    prepare_with(scene, factory, previous, None, cancel)
+    prepare_with(scene, factory, previous, None, None, cancel)
 }
 
-/// [`prepare`], with prims that were prepared already.
+/// [`prepare`], with prims that were prepared already; `watcher` is told of objects that are diced now.
 ///
 /// # Errors
 /// As [`prepare`].
@@ -132,6 +135,7 @@ pub fn prepare_with(
     factory: &dyn SubdivisionFactory,
     previous: Option<&Prepared>,
     ahead: Option<&Ahead>,
+    watcher: Option<&dyn Watcher>,
     cancel: &AtomicBool,
 ) -> Result<Preparation, PrepareError> {
     let start = Instant::now();
@@ -192,7 +196,7 @@ pub fn prepare_with(
         .collect();
     let too_many = beyond_memory(&members, &instancers, &mut warnings);
     drop(members);
-    let context = view.context(&instancers, factory, cancel);
+    let context = view.context(&instancers, factory, watcher, cancel);
     let prepared: Vec<(Arc<PrimObjects>, Taken)> = visible
         .par_iter()
         .zip(found)

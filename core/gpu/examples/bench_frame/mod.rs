@@ -13,7 +13,7 @@ use std::time::Instant;
 use glam::{DMat4, DVec3, Vec3};
 use hdtrapeze_core::aov::{Aov, AovData};
 use hdtrapeze_core::render::{
-    Elsewhere, Frame, Prepared, RayTracer, RenderControl, Stage, prepare, render_with,
+    Elsewhere, Frame, Prepared, RayTracer, RenderControl, Stage, Watcher, prepare_with, render_with,
 };
 use hdtrapeze_core::scene::{
     Backend, CameraDesc, Geometry, ImplicitDesc, ImplicitKind, Interpolation, MeshDesc,
@@ -21,7 +21,9 @@ use hdtrapeze_core::scene::{
     TransformSamples,
 };
 use hdtrapeze_core::surface::{MeshTopology, Scheme};
-use hdtrapeze_gpu::{Device, FirstOnDevice, FrameOptions, GpuFrame, Stages};
+use hdtrapeze_gpu::{
+    Device, EarlyBytes, EarlyVertices, FirstOnDevice, FrameOptions, GpuFrame, Stages,
+};
 use secondary::Secondary;
 use support::NoSubdivision;
 
@@ -194,15 +196,18 @@ fn difference(prepared: &Prepared, on: &GpuFrame) -> Result<f64, Box<dyn Error>>
 pub fn run(
     device: &Arc<Device>,
     (samples, opacity, millions): (u32, f32, Option<f64>),
-    options: FrameOptions,
+    (options, early): (FrameOptions, bool),
     different: f64,
     peaks: Peaks,
 ) -> Result<(), Box<dyn Error>> {
     let never = AtomicBool::new(false);
+    let stages = Arc::new(Stages::new(device));
+    let early = EarlyVertices::for_frame(&stages, &options).filter(|_| early);
     let start = Instant::now();
     let prepared = {
         let scene = scene(samples, opacity, millions.unwrap_or(MILLIONS));
-        prepare(&scene, &NoSubdivision, None, &never)?.prepared
+        let watcher = early.as_ref().map(|early| early as &dyn Watcher);
+        prepare_with(&scene, &NoSubdivision, None, None, watcher, &never)?.prepared
     };
     let seconds = start.elapsed().as_secs_f64();
     let cells = prepared.statistics().micropolygons;
@@ -211,8 +216,7 @@ pub fn run(
         cells as f64 * 1e-6
     );
     let start = Instant::now();
-    let stages = Arc::new(Stages::new(device));
-    let on_gpu = GpuFrame::with(options, stages, &prepared)?;
+    let on_gpu = GpuFrame::with_early(options, stages, &prepared, early.as_ref())?;
     let mib = on_gpu.bytes() as f64 / f64::from(1 << 20);
     let here = prepared.world().stats();
     say!(
@@ -222,6 +226,19 @@ pub fn run(
         here.trees,
         here.objects,
     );
+    if let Some(early) = &early {
+        let EarlyBytes {
+            uploaded,
+            beside,
+            used,
+        } = early.bytes();
+        let [uploaded, beside, used] =
+            [uploaded, beside, used].map(|b| b as f64 / f64::from(1 << 20));
+        say!(
+            "vertices: {uploaded:.0} MiB uploaded early, {beside:.0} before all was diced, {used:.0} used"
+        );
+    }
+    drop(early);
     if options.first < FirstOnDevice::Generate {
         let seconds = on_gpu.build_seconds();
         say!("trees made there: {}", stages_told(seconds, cells as usize));

@@ -40,6 +40,7 @@ use hdtrapeze_core::trace::world::{common, few_move};
 use hdtrapeze_shaders::stage::BuildStage;
 use wgpu::BufferUsages as Usage;
 
+use super::early::EarlyVertices;
 use super::pages::Paints;
 use super::scene::{self, Arrays, MOVES, Made, Page, Start, Unit, upload};
 use super::{Device, FirstOnDevice, GpuError, GpuScene, Submitted, pace};
@@ -94,6 +95,8 @@ pub(crate) struct Making<'a> {
     first: FirstOnDevice,
     /// What is needed to refit them is kept.
     keep: bool,
+    /// Vertices that are there already.
+    early: Option<&'a EarlyVertices>,
 }
 
 impl Maker<'_> {
@@ -109,6 +112,14 @@ impl Maker<'_> {
         match self {
             Maker::Device(making) if making.first < FirstOnDevice::Instances => WhereTrees::Later,
             _ => WhereTrees::Now,
+        }
+    }
+
+    /// Vertices that are on the device already.
+    pub fn early(&self) -> Option<&EarlyVertices> {
+        match self {
+            Maker::Host(_) => None,
+            Maker::Device(making) => making.early,
         }
     }
 
@@ -135,7 +146,20 @@ impl GpuScene {
         world: &World,
         options: &BuildOptions,
     ) -> Result<Self, GpuError> {
-        Self::painted(builder, world, options, &Paints::default())
+        Self::painted(builder, world, options, &Paints::default(), None)
+    }
+
+    /// The same where vertices of some objects are on the device.
+    ///
+    /// # Errors
+    /// As [`GpuScene::new`].
+    pub fn build_early(
+        builder: &TreeBuilder,
+        world: &World,
+        options: &BuildOptions,
+        early: &EarlyVertices,
+    ) -> Result<Self, GpuError> {
+        Self::painted(builder, world, options, &Paints::default(), Some(early))
     }
 
     /// The same with room on its pages for how objects look.
@@ -144,12 +168,14 @@ impl GpuScene {
         world: &World,
         options: &BuildOptions,
         paints: &Paints,
+        early: Option<&EarlyVertices>,
     ) -> Result<Self, GpuError> {
         let maker = match options.first {
             first if first < FirstOnDevice::Generate => Maker::Device(Making {
                 builder,
                 first,
                 keep: options.refits,
+                early,
             }),
             _ => Maker::Host(builder.device()),
         };
@@ -164,6 +190,16 @@ impl GpuScene {
     /// # Errors
     /// As [`GpuScene::new`]; the scene is as it was then, too.
     pub fn refit(&mut self, builder: &TreeBuilder, world: &World) -> Result<bool, GpuError> {
+        self.refit_early(builder, world, None)
+    }
+
+    /// The same where vertices of some objects are on the device.
+    pub(crate) fn refit_early(
+        &mut self,
+        builder: &TreeBuilder,
+        world: &World,
+        early: Option<&EarlyVertices>,
+    ) -> Result<bool, GpuError> {
         scene::traceable(world)?;
         let parts = world.parts();
         let shapes = scene::shapes(&parts);
@@ -171,7 +207,7 @@ impl GpuScene {
             return Ok(false);
         }
         let mut refitted: Vec<Page> = Vec::with_capacity(self.pages.len());
-        let done = self.refit_pages(builder, world, &parts, &mut refitted);
+        let done = self.refit_pages((builder, early), world, &parts, &mut refitted);
         match done {
             Ok(true) => (self.pages, self.sets) = (refitted, shapes),
             // Pages that were refitted give back what they have taken over.
@@ -187,17 +223,17 @@ impl GpuScene {
     /// Adds pages in place of those that there are to `refitted`; false where one is to be built anew.
     fn refit_pages(
         &mut self,
-        builder: &TreeBuilder,
+        (builder, early): (&TreeBuilder, Option<&EarlyVertices>),
         world: &World,
         parts: &Parts<'_>,
         refitted: &mut Vec<Page>,
     ) -> Result<bool, GpuError> {
         for (number, page) in self.pages.iter_mut().enumerate() {
             let now = match self.plan.get(number) {
-                None => builder.refit(page, world, &scene::all(world))?,
+                None => builder.refit(page, (world, &scene::all(world)), early)?,
                 Some(picks) => {
                     let piece = parts.piece(picks, WhereTrees::Later)?;
-                    builder.refit(page, &piece.world, &piece.numbers)?
+                    builder.refit(page, (&piece.world, &piece.numbers), early)?
                 }
             };
             match now {
@@ -279,7 +315,11 @@ fn laid_with_trees<'w>(world: &'w World, numbers: &[InWhole]) -> Result<Laid<'w>
 }
 
 /// Lays out a world; blocks come first among the nodes.
-fn laid<'w>(world: &'w World, numbers: &[InWhole]) -> Result<Laid<'w>, GpuError> {
+fn laid<'w>(
+    world: &'w World,
+    numbers: &[InWhole],
+    early: Option<&EarlyVertices>,
+) -> Result<Laid<'w>, GpuError> {
     let mut arrays = Arrays::new();
     let parts = world.parts();
     let mut forests = [false, true].map(|moves| {
@@ -291,7 +331,8 @@ fn laid<'w>(world: &'w World, numbers: &[InWhole]) -> Result<Laid<'w>, GpuError>
     });
     arrays.instances(&parts, numbers, |arrays, object, grids| {
         let (mesh, number) = (object.mesh(), arrays.objects.len());
-        arrays.mesh(mesh, grids, Tree::<()>::EMPTY, 0.0);
+        let there = early.and_then(|early| early.take(object));
+        arrays.mesh((mesh, there), grids, Tree::<()>::EMPTY, 0.0);
         let (forest, meshes) = &mut forests[usize::from(mesh.is_moving())];
         meshes.push(mesh);
         match forest.add(mesh, number as u32, &arrays.objects[number]) {
@@ -342,11 +383,12 @@ impl Making<'_> {
             builder,
             first,
             keep,
+            early,
         } = *self;
         let (runner, device) = (&builder.runner, builder.device());
         let mut clock = runner.clock();
         let mut laid = match first < FirstOnDevice::Instances {
-            true => laid(world, numbers)?,
+            true => laid(world, numbers, early)?,
             false => laid_with_trees(world, numbers)?,
         };
         let planted = std::mem::take(&mut laid.forests);
@@ -355,7 +397,16 @@ impl Making<'_> {
             _ => Some(Bounded::new(planted, &mut laid.arrays.words)),
         });
         let bounded: Vec<Option<Bounded>> = bounded.collect();
-        let vertices = builder.vertices(&laid.arrays, most)?;
+        let are_early = laid.arrays.planes.are_early();
+        let vertices = match (builder.vertices(&mut laid.arrays, most), early) {
+            // There is room for one of both.
+            (Err(GpuError::OutOfMemory { .. }), Some(early)) if are_early => {
+                drop((laid, planted, bounded));
+                early.close()?;
+                return self.page(world, numbers, most);
+            }
+            (vertices, _) => vertices?,
+        };
         let mut made = Vec::new();
         for (planted, bounded) in planted.into_iter().zip(bounded) {
             let Planted { forest, places, .. } = planted;
@@ -435,15 +486,15 @@ impl TreeBuilder {
     fn refit(
         &self,
         page: &mut Page,
-        world: &World,
-        numbers: &[InWhole],
+        (world, numbers): (&World, &[InWhole]),
+        early: Option<&EarlyVertices>,
     ) -> Result<Option<Page>, GpuError> {
         let Some(Refits { forests, most }) = &mut page.made.trees else {
             return Ok(None);
         };
         let most = *most;
         let mut clock = self.runner.clock();
-        let mut laid = laid(world, numbers)?;
+        let mut laid = laid(world, numbers, early)?;
         let now = laid.forests.iter().map(|planted| &planted.forest);
         let same = |(trees, now): (&Trees, &Forest)| trees.forest.is_alike(now);
         if forests.len() != now.len() || !forests.iter().zip(now).all(same) {
@@ -453,7 +504,7 @@ impl TreeBuilder {
             let Planted { forest, places, .. } = planted;
             trees.now_at(self.device(), forest, places);
         }
-        let vertices = self.vertices(&laid.arrays, most)?;
+        let vertices = self.vertices(&mut laid.arrays, most)?;
         let tops = match self.tops(&mut clock, world) {
             Err(Unmade::Failed(error)) => return Err(error),
             Err(Unmade::Deep) => return Ok(None),
@@ -524,10 +575,10 @@ impl TreeBuilder {
     }
 
     /// Vertices and words.
-    fn vertices(&self, arrays: &Arrays, most: u64) -> Result<[wgpu::Buffer; 2], GpuError> {
+    fn vertices(&self, arrays: &mut Arrays, most: u64) -> Result<[wgpu::Buffer; 2], GpuError> {
         let device = self.device();
         Ok([
-            upload(device, most, "vertices", cast_slice(&arrays.planes))?,
+            std::mem::take(&mut arrays.planes).upload(device, most)?,
             upload(device, most, "grids", cast_slice(&arrays.words))?,
         ])
     }
