@@ -4,6 +4,7 @@
 //! it owns the scene and the render thread), then for moments `ahead`, `edits` or the status. Readers take
 //! the status only, so they never wait for a commit.
 
+use std::fmt::Display;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
@@ -18,7 +19,7 @@ use hdtrapeze_core::render::{
     Elsewhere, Frame, Prepared, RayTracer, RenderControl, RenderStatistics, Watcher, WorldHit,
     WorldRay, prepare_with, render_with,
 };
-use hdtrapeze_core::scene::{PrimId, RenderSettings, Scene};
+use hdtrapeze_core::scene::{Backend, PrimId, RenderSettings, Scene};
 use hdtrapeze_core::surface::SubdivisionFactory;
 use hdtrapeze_gpu::{EarlyBytes, EarlyVertices, GpuFrame};
 use tracing::Level;
@@ -624,8 +625,13 @@ impl Session {
         early: Option<&EarlyVertices>,
     ) -> Result<(Option<Arc<GpuFrame>>, String), Error> {
         let asked = prepared.settings().backend;
-        let Some(stages) = backend::open(asked)? else {
-            return Ok((None, backend::cpu(asked)));
+        self.tell_auto(asked);
+        let stages = match backend::open(asked) {
+            Ok(Some(stages)) => stages,
+            Ok(None) => return Ok((None, backend::cpu(asked))),
+            // It was there when it was chosen.
+            Err(error) if asked == Backend::AutoGpu => return Ok(self.falls_back(&error)),
+            Err(error) => return Err(error),
         };
         let options = backend::gpu_options()?;
         // Nobody else renders it any more. It keeps the way it was taken there.
@@ -642,13 +648,33 @@ impl Session {
                     self.warn(&[Warning::new("", Code::Unsupported, NO_COST)]);
                     told = format!("{told}; {NO_COST}");
                 }
+                if let Some(auto) = backend::auto_of(asked) {
+                    told = format!("{told} (auto: {})", auto.why);
+                }
                 Ok((Some(Arc::new(gpu)), told))
             }
-            Err(error) => {
-                let text = format!("{error}; the CPU renders");
-                self.warn(&[Warning::new("", Code::Backend, text)]);
-                Ok((None, backend::cpu_since(&error.to_string())))
-            }
+            Err(error) => Ok(self.falls_back(&error)),
+        }
+    }
+
+    /// Tells that the CPU renders what a GPU was to, and why.
+    fn falls_back(&self, why: &dyn Display) -> (Option<Arc<GpuFrame>>, String) {
+        let text = format!("{why}; the CPU renders");
+        self.warn(&[Warning::new("", Code::Backend, text)]);
+        (None, backend::cpu_since(&why.to_string()))
+    }
+
+    /// Tells what the backend auto is where a GPU was tried for it: once a process, as a warning where the trial has just failed.
+    fn tell_auto(&self, asked: Backend) {
+        static TOLD: AtomicBool = AtomicBool::new(false);
+        let Some(auto) = backend::auto_of(asked).filter(|auto| auto.tried) else {
+            return;
+        };
+        if !TOLD.swap(true, Ordering::Relaxed) {
+            self.with_log(|| match auto.fails {
+                true => tracing::warn!("the backend auto is {auto}"),
+                false => tracing::info!("the backend auto is {auto}"),
+            });
         }
     }
 

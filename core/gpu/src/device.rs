@@ -90,6 +90,19 @@ fn adapters() -> Vec<(wgpu::Adapter, Found)> {
     found
 }
 
+/// False where no GPU can be there, whatever drivers there are: told without loading any, which takes a moment and memory.
+pub fn may_have_hardware() -> bool {
+    // Linux reaches each through one of these: most, NVIDIA's driver, Windows beneath it, Adreno's and Mali's.
+    const NODES: [&str; 5] = [
+        "/dev/dri",
+        "/dev/nvidiactl",
+        "/dev/dxg",
+        "/dev/kgsl-3d0",
+        "/dev/mali0",
+    ];
+    !cfg!(target_os = "linux") || NODES.iter().any(|node| Path::new(node).exists())
+}
+
 impl Found {
     fn of(adapter: &wgpu::Adapter) -> Self {
         let (info, limits, features) = (adapter.get_info(), adapter.limits(), adapter.features());

@@ -11,7 +11,7 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// What files begin with; a hash follows.
+/// What files of pipelines begin with.
 const MARK: [u8; 8] = *b"TRZPIPE1";
 /// Files that have grown beyond this, by stages of versions that are gone, are begun anew.
 const MOST: u64 = 1 << 26;
@@ -34,7 +34,7 @@ impl KeptPipelines {
             return None;
         }
         let path = folder.join(wgpu::util::pipeline_cache_key(info)?);
-        let data = read(&path);
+        let data = read(&path, MARK);
         Some(Self {
             cache: cache_of(device, data.as_deref()),
             found: data.is_some(),
@@ -59,7 +59,7 @@ impl KeptPipelines {
         if self.has_new.swap(false, Ordering::Relaxed)
             && let Some(data) = self.cache.get_data()
         {
-            let _ = write(&self.path, &data);
+            let _ = write(&self.path, MARK, &data);
         }
     }
 }
@@ -84,13 +84,13 @@ fn hash_of(data: &[u8]) -> [u8; 8] {
     hasher.finish().to_le_bytes()
 }
 
-/// What a file holds, where it is sound.
-fn read(path: &Path) -> Option<Vec<u8>> {
+/// What a file holds that begins with this mark and a hash, where it is sound.
+pub(crate) fn read(path: &Path, mark: [u8; 8]) -> Option<Vec<u8>> {
     if fs::metadata(path).ok()?.len() > MOST {
         return None;
     }
     let mut all = fs::read(path).ok()?;
-    let head = all.strip_prefix(&MARK)?;
+    let head = all.strip_prefix(&mark)?;
     let (hash, data) = head.split_first_chunk()?;
     if *hash != hash_of(data) {
         return None;
@@ -100,14 +100,14 @@ fn read(path: &Path) -> Option<Vec<u8>> {
     Some(all)
 }
 
-/// Writes a file beside and renames it.
-fn write(path: &Path, data: &[u8]) -> io::Result<()> {
+/// Writes a file that [`read`] reads, beside, and renames it.
+pub(crate) fn write(path: &Path, mark: [u8; 8], data: &[u8]) -> io::Result<()> {
     if let Some(folder) = path.parent() {
         make_folder(folder)?;
     }
     let beside = path.with_extension(std::process::id().to_string());
     let written = fs::File::create(&beside).and_then(|mut file| {
-        file.write_all(&MARK)?;
+        file.write_all(&mark)?;
         file.write_all(&hash_of(data))?;
         file.write_all(data)
     });

@@ -8,7 +8,7 @@
 //! trees there. Stages: [`generate`] draws camera rays, [`trace`] traces rays, [`shade`] tells what their hits give, [`film`]
 //! sums that up by pixel; where hits are not opaque, `trace` and `shade` take turns, layer after layer; [`occlude`] sends rays
 //! on from hits, and tells how many meet nothing; [`frame`] runs those that core's passes need, from the [`first`] on; [`pace`] tells how much
-//! goes there at once.
+//! goes there at once. [`trial`] tells whether a device is faster than the CPU.
 //!
 //! Unsafe code is denied but for one call, by which [`kept`] hands a driver what it has compiled before.
 
@@ -33,6 +33,7 @@ pub mod shade;
 mod stack;
 pub mod tiles;
 pub mod trace;
+pub mod trial;
 mod vertices;
 
 pub use build::{BuildOptions, TreeBuilder};

@@ -22,7 +22,7 @@ use crate::diagnostics::{Code, Warning};
 use crate::dice::RasterMetric;
 use crate::grid::DicedMesh;
 use crate::motion::{Hierarchy, Shutter, TransformError};
-use crate::scene::{Backend, PrimDesc, PrimId, RenderSettings};
+use crate::scene::{PrimDesc, PrimId, RenderSettings};
 use crate::shade::{DEFAULT_ALBEDO, PrimShading, Source};
 use crate::surface::SubdivisionFactory;
 use crate::trace::Winding;
@@ -95,9 +95,9 @@ pub(super) struct PrimObjects {
 impl Context<'_> {
     /// An object; where a GPU is to trace, it makes the tree, unless the CPU has to after all.
     pub fn object(&self, diced: DicedMesh) -> Arc<ObjectGeometry> {
-        let object = Arc::new(match self.settings.backend {
-            Backend::Gpu => ObjectGeometry::later(diced),
-            Backend::Auto | Backend::Cpu => ObjectGeometry::new(diced),
+        let object = Arc::new(match self.settings.backend.is_gpu() {
+            true => ObjectGeometry::later(diced),
+            false => ObjectGeometry::new(diced),
         });
         if let Some(watcher) = self.watcher {
             watcher.diced(&object);

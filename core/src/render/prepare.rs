@@ -20,7 +20,7 @@ use crate::camera::Camera;
 use crate::diagnostics::{Code, Warning};
 use crate::effects::{EffectPlan, TimePlan};
 use crate::motion::Shutter;
-use crate::scene::{Backend, CameraDesc, Cull, Geometry, PrimDesc, PrimId, RenderSettings, Scene};
+use crate::scene::{CameraDesc, Cull, Geometry, PrimDesc, PrimId, RenderSettings, Scene};
 use crate::surface::SubdivisionFactory;
 use crate::trace::world::WorldError;
 use crate::trace::{Culled, Side, Winding, World, WorldSet};
@@ -541,10 +541,10 @@ fn place(
             });
         }
     }
-    let make = match view.settings.backend {
+    let make = match view.settings.backend.is_gpu() {
         // It makes the tree over instances as well.
-        Backend::Gpu => World::later,
-        Backend::Auto | Backend::Cpu => World::new,
+        true => World::later,
+        false => World::new,
     };
     let world = make(sets, view.camera.origin(), cancel).map_err(|error| match error {
         WorldError::OutOfMemory(_) => PrepareError::OutOfMemory(error.to_string()),

@@ -11,7 +11,7 @@ use crate::camera::Camera;
 use crate::diagnostics::Warning;
 use crate::effects::EffectPlan;
 use crate::motion::Shutter;
-use crate::scene::{Backend, CameraDesc, PrimDesc, PrimId, RenderSettings};
+use crate::scene::{CameraDesc, PrimDesc, PrimId, RenderSettings};
 use crate::shade::{PrimShading, Source};
 use crate::trace::world::WorldStats;
 use crate::trace::{Hit, Side, Winding, World};
@@ -161,7 +161,7 @@ impl Prepared {
             }
         }
         // Trees that were left for later are made by now, or are not.
-        if self.settings.backend == Backend::Gpu {
+        if self.settings.backend.is_gpu() {
             let WorldStats {
                 object,
                 top_nodes,

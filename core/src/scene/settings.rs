@@ -69,13 +69,22 @@ const LEAST_MICROPOLYGONS: u64 = 1_000_000;
 /// What renders.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Backend {
-    /// What is fastest here: the CPU, for as long as no GPU has been measured.
+    /// What is fastest here, which is the CPU where nothing says otherwise.
     #[default]
     Auto,
+    /// What is fastest here, which was found to be a GPU.
+    AutoGpu,
     /// The CPU.
     Cpu,
     /// A GPU renders what it knows of, and the CPU the rest.
     Gpu,
+}
+
+impl Backend {
+    /// True where a GPU is to render.
+    pub fn is_gpu(self) -> bool {
+        matches!(self, Self::AutoGpu | Self::Gpu)
+    }
 }
 
 /// Settings of one render.
@@ -150,7 +159,7 @@ impl RenderSettings {
 
     /// True where what may be hidden waits for rays: those that are traced on a GPU cannot have it diced.
     pub fn dices_on_demand(&self) -> bool {
-        self.occlusion_culling && self.backend != Backend::Gpu
+        self.occlusion_culling && !self.backend.is_gpu()
     }
 
     /// Most micropolygons that dicing may make of one prim with `faces` base faces:

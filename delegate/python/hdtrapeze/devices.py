@@ -57,6 +57,15 @@ def devices() -> list[Device]:
         )
 
 
+def auto() -> str:
+    """What the backend auto is, and why; a GPU that was not tried yet is tried."""
+    describe, needed = native.lib().trz_auto_describe, native.ffi.new("size_t *")
+    native.check(describe(native.ffi.NULL, 0, needed))
+    buffer = native.ffi.new("char[]", int(needed[0]))
+    native.check(describe(buffer, len(buffer), needed))
+    return _text(buffer)
+
+
 def print_devices() -> None:
     """Runs the command."""
     found = devices()
@@ -68,7 +77,7 @@ def print_devices() -> None:
         print(f"   timestamps {_yes(device.timestamps)}, subgroups {_yes(device.subgroups)}")
     if not found:
         print("No GPU is found: there is no Vulkan, Metal or DX12 driver with a device.")
-    print("--backend auto: the CPU, since no GPU has been timed yet")
+    print(f"--backend auto: {auto()}")
     print("--backend cpu: the CPU")
     chosen = next((device for device in found if device.chosen), None)
     if chosen is None:

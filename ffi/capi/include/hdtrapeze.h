@@ -312,7 +312,7 @@
 // Rays pass through backs, but for prims that are double-sided.
 #define TRZ_CULL_BACK_UNLESS_DOUBLE_SIDED 3
 
-// What is fastest: the CPU, for as long as no GPU has been measured.
+// What is fastest: a GPU where a trial found it faster than the CPU, see trz_auto_describe; else the CPU.
 #define TRZ_BACKEND_AUTO 0
 
 // All on the CPU.
@@ -2035,6 +2035,16 @@ trz_result trz_trace_rays(struct trz_session *session,
 // Threads: any.
 trz_result trz_device_describe(size_t index,
                                struct trz_device *out);
+
+// Writes a text (UTF-8, with a NUL) into buffer that tells what TRZ_BACKEND_AUTO is here, and why. Where there is a GPU
+// on which no verdict is kept, the first call, or the first settings that ask for auto, render a small frame on both, which may take
+// some seconds. out_needed becomes the bytes needed, also with TRZ_ERROR_BUFFER_TOO_SMALL; with capacity 0 that is all that
+// is written.
+//
+// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_BUFFER_TOO_SMALL. Threads: any.
+trz_result trz_auto_describe(char *buffer,
+                             size_t capacity,
+                             size_t *out_needed);
 
 #ifdef __cplusplus
 }  // extern "C"

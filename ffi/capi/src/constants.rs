@@ -214,7 +214,7 @@ pub const TRZ_CULL_FRONT: u32 = 2;
 /// Rays pass through backs, but for prims that are double-sided.
 pub const TRZ_CULL_BACK_UNLESS_DOUBLE_SIDED: u32 = 3;
 
-/// What is fastest: the CPU, for as long as no GPU has been measured.
+/// What is fastest: a GPU where a trial found it faster than the CPU, see trz_auto_describe; else the CPU.
 pub const TRZ_BACKEND_AUTO: u32 = 0;
 /// All on the CPU.
 pub const TRZ_BACKEND_CPU: u32 = 1;

@@ -7,6 +7,7 @@ use hdtrapeze_delegate::backend::{self, Found, Kind};
 use crate::constants::*;
 use crate::fault::{Fault, call};
 use crate::input;
+use crate::session::copy_text;
 use crate::types::*;
 
 /// Fills out, whose struct_size the caller has set, with what is known of a device: number 0 is the best one. The first
@@ -27,6 +28,22 @@ pub unsafe extern "C" fn trz_device_describe(index: usize, out: *mut trz_device)
             input::write(out, to_c(device), "out")
         })
     }
+}
+
+/// Writes a text (UTF-8, with a NUL) into buffer that tells what TRZ_BACKEND_AUTO is here, and why. Where there is a GPU
+/// on which no verdict is kept, the first call, or the first settings that ask for auto, render a small frame on both, which may take
+/// some seconds. out_needed becomes the bytes needed, also with TRZ_ERROR_BUFFER_TOO_SMALL; with capacity 0 that is all that
+/// is written.
+///
+/// Errors: TRZ_ERROR_NULL_POINTER, TRZ_ERROR_BUFFER_TOO_SMALL. Threads: any.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trz_auto_describe(
+    buffer: *mut c_char,
+    capacity: usize,
+    out_needed: *mut usize,
+) -> trz_result {
+    // SAFETY: the caller passes null or valid pointers.
+    unsafe { call(|| copy_text(&backend::auto().to_string(), buffer, capacity, out_needed)) }
 }
 
 fn to_c(from: &Found) -> trz_device {

@@ -70,7 +70,7 @@ pub(crate) fn settings(from: &trz_settings) -> Result<RenderSettings, Fault> {
         return refuse("threads", from.threads, "is above 4096");
     }
     let chosen = pick(&BACKENDS, from.backend, "backend")?;
-    backend::open(chosen)?;
+    let backend = backend::resolved(chosen)?;
     // A mistake in it is told before it matters.
     backend::gpu_options()?;
     output::exr(from.pixel_type, from.compression)?;
@@ -90,7 +90,7 @@ pub(crate) fn settings(from: &trz_settings) -> Result<RenderSettings, Fault> {
         filter_width: from.filter_width,
         seed: from.seed,
         threads: from.threads,
-        backend: chosen,
+        backend,
         shutter: shutter(from)?,
         disable_motion_blur: flag(from.disable_motion_blur, "disable_motion_blur")?,
         disable_defocus: flag(from.disable_defocus, "disable_defocus")?,

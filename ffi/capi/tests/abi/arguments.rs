@@ -203,6 +203,26 @@ fn enums_flags_and_strings() {
         fails(trz_device_describe(0, null_mut()), TRZ_ERROR_NULL_POINTER);
         gpu.backend = TRZ_BACKEND_AUTO;
         ok(trz_session_set_settings(s, &gpu));
+        let (mut auto, mut needed) = ([0; 400], 0);
+        ok(trz_auto_describe(
+            auto.as_mut_ptr(),
+            auto.len(),
+            &mut needed,
+        ));
+        let told = CStr::from_ptr(auto.as_ptr()).to_str().unwrap();
+        assert!(
+            told.contains(", since ") && told.len() + 1 == needed,
+            "{told}"
+        );
+        fails(
+            trz_auto_describe(auto.as_mut_ptr(), 3, &mut needed),
+            TRZ_ERROR_BUFFER_TOO_SMALL,
+        );
+        fails(
+            trz_auto_describe(auto.as_mut_ptr(), 3, null_mut()),
+            TRZ_ERROR_NULL_POINTER,
+        );
+        ok(trz_session_set_settings(s, &gpu));
         assert_eq!(last_error(), "", "success clears the message");
     }
 }
