@@ -76,6 +76,10 @@ pub trait Simd: Copy + Debug {
     fn all8(self, x: f32) -> Self::F8;
     /// 8 lanes.
     fn from8(self, x: &[f32; 8]) -> Self::F8;
+    /// The last 4 lanes, then the first 4.
+    fn halves_swapped(self, x: Self::F8) -> Self::F8;
+    /// Vector `i` has lane `i` of each of these.
+    fn transposed(self, x: [Self::F8; 8]) -> [Self::F8; 8];
     /// 8 whole numbers from 0 to 255.
     fn bytes8(self, x: &[u8; 8]) -> Self::F8;
     /// 16 copies.

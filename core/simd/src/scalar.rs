@@ -151,6 +151,14 @@ impl Simd for Scalar {
         Array(*x)
     }
     #[inline]
+    fn halves_swapped(self, x: Array<8>) -> Array<8> {
+        Array(std::array::from_fn(|i| x.0[i ^ 4]))
+    }
+    #[inline]
+    fn transposed(self, x: [Array<8>; 8]) -> [Array<8>; 8] {
+        std::array::from_fn(|i| Array(std::array::from_fn(|k| x[k].0[i])))
+    }
+    #[inline]
     fn bytes8(self, x: &[u8; 8]) -> Array<8> {
         Array(x.map(f32::from))
     }

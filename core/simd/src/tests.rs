@@ -49,6 +49,10 @@ impl Kernel for Everything {
         self.floats(s.from16(&a), s.from16(&b), &mut out);
         let (a8, b8) = (numbers::<8>(self.seed), numbers::<8>(self.seed + 2));
         self.floats(s.from8(&a8), s.from8(&b8), &mut out);
+        let put8 = |x: S::F8| x.to_array().map(f32::to_bits);
+        out.extend(put8(s.halves_swapped(s.from8(&a8))));
+        let rows = [0, 1, 2, 3, 4, 5, 6, 7].map(|i| s.from8(&numbers::<8>(self.seed + i)));
+        out.extend(s.transposed(rows).map(put8).as_flattened());
         let bytes = std::array::from_fn(|i| (self.seed * 37 + i as u32 * 53) as u8);
         out.extend(s.bytes8(&bytes).to_array().map(f32::to_bits));
         let other = bytes.map(|b: u8| b.wrapping_mul(91));

@@ -9,17 +9,20 @@
 //! Where items are parts of strands, a range may be turned: its boxes are bounded anew in a frame along
 //! the strands, and all below is split and bounded there ([`super::orient`]).
 //!
+//! Of many items, the first splits are made over cells of a grid, which hold a few each ([`super::coarse`]).
+//!
 //! The result does not depend on the number of threads: parallel work only joins minima, maxima and
 //! counts, and subtrees are appended in child order.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use glam::Vec3;
-use hdtrapeze_simd::Level;
+use hdtrapeze_simd::{Level, Scalar};
 use rayon::prelude::*;
 
 use super::block::GROUPS;
-use super::node::pack;
+use super::coarse::{COARSE_ITEMS, Known, coarse, numbered};
+use super::node::pack_hulls;
 use super::orient::{MOST_ITEMS, Strands};
 use super::sorted::{Hull, Sorted};
 use super::split::{Extent, split};
@@ -88,13 +91,13 @@ pub enum Nodes {
 pub fn build_items<B: Bounds8>(items: Vec<Item>, kind: Nodes, cancel: &AtomicBool) -> Tree<B> {
     let sorted = items.par_iter().map(Sorted::of).collect();
     drop(items);
-    build_sorted(sorted, vec![Frame::IDENTITY], kind, None, cancel)
+    build_sorted(vec![sorted], vec![Frame::IDENTITY], kind, None, cancel)
 }
 
-/// Builds the tree over `items`, as [`build_items`]; its frames come after those given. With `strands`, which bounds
+/// Builds the tree over items, given in parts, as [`build_items`]; its frames come after those given. With `strands`, which bounds
 /// items that have a direction, ranges are turned where that pays.
 pub fn build_sorted<B: Bounds8>(
-    mut items: Vec<Sorted<B::Hull>>,
+    parts: Vec<Vec<Sorted<B::Hull>>>,
     frames: Vec<Frame>,
     kind: Nodes,
     strands: Option<&Strands<'_>>,
@@ -114,12 +117,23 @@ pub fn build_sorted<B: Bounds8>(
         frame: 0,
         try_below: MOST_ITEMS,
     };
+    let count = parts.iter().map(Vec::len).sum::<usize>();
+    let (mut items, extent, known);
+    if count >= COARSE_ITEMS && numbered(&parts) {
+        let coarse = coarse(below.level, &parts);
+        items = coarse.items;
+        (extent, known) = (Some(coarse.extent), coarse.known);
+    } else {
+        items = parts.concat();
+        (extent, known) = (None, None);
+    }
+    drop(parts);
     match &mut items[..] {
         [] => {}
-        [item] => tree.root = Tree::<B>::LEAF | item.id,
+        [item] => tree.root = Tree::<B>::LEAF | item.id(),
         items => {
             tree.nodes.reserve(items.len() / 4 + 1);
-            tree.root = build_node(&mut tree, items, None, below);
+            tree.root = build_node(&mut tree, items, (extent, known.as_deref()), below);
         }
     }
     tree.nodes.shrink_to_fit();
@@ -145,32 +159,40 @@ struct Range<'a, H> {
     items: &'a mut [Sorted<H>],
     extent: Extent<H>,
     area: f32,
+    /// Its split, where that is known.
+    known: Option<&'a Known<H>>,
 }
 
 impl<'a, H: Hull> Range<'a, H> {
-    fn new(items: &'a mut [Sorted<H>], extent: Extent<H>) -> Self {
+    fn new(items: &'a mut [Sorted<H>], extent: Extent<H>, known: Option<&'a Known<H>>) -> Self {
         Self {
             items,
             extent,
-            area: extent.bounds.area(),
+            known,
+            area: H::area(Scalar, extent.bounds.load(Scalar)),
         }
     }
 
     /// Each item by itself.
     fn singles(items: &'a mut [Sorted<H>]) -> impl Iterator<Item = Self> {
-        let of = |item: &'a mut [Sorted<H>]| {
-            let extent = Extent::of(item);
-            Self::new(item, extent)
+        let of = |item: &'a mut [Sorted<H>]| Self {
+            extent: Extent::single(&item[0]),
+            items: item,
+            area: 0.0,
+            known: None,
         };
         items.chunks_mut(1).map(of)
     }
 }
 
-/// Appends the node over `items` (two or more; with what they extend over, where that is known) and all below it; returns the node's number.
+/// What a range extends over, and its split, where these are known.
+type Given<'a, H> = (Option<Extent<H>>, Option<&'a Known<H>>);
+
+/// Appends the node over `items`, two or more, and all below it; returns the node's number.
 fn build_node<B: Bounds8>(
     tree: &mut Tree<B>,
     items: &mut [Sorted<B::Hull>],
-    extent: Option<Extent<B::Hull>>,
+    (extent, known): Given<'_, B::Hull>,
     mut below: Below<'_>,
 ) -> u32 {
     if let Some(strands) = below.strands
@@ -181,7 +203,7 @@ fn build_node<B: Bounds8>(
         if let Some((frame, mut turned)) = strands.turn(items) {
             below.frame = tree.frames.len() as u32;
             tree.frames.push(frame);
-            return build_node(tree, &mut turned, None, below);
+            return build_node(tree, &mut turned, (None, None), below);
         }
     }
     let parallel = items.len() > PARALLEL_ITEMS;
@@ -190,8 +212,8 @@ fn build_node<B: Bounds8>(
     if items.len() <= 8 {
         ranges.extend(Range::singles(items));
     } else {
-        let extent = extent.unwrap_or_else(|| Extent::of(items));
-        ranges.push(Range::new(items, extent));
+        let extent = extent.unwrap_or_else(|| Extent::of(below.level, items));
+        ranges.push(Range::new(items, extent, known));
         // Up to 8 items are one full node.
         let least = if kind == Nodes::Full { 8 } else { 1 };
         while ranges.len() < 8 {
@@ -206,10 +228,17 @@ fn build_node<B: Bounds8>(
                 });
             let Some(widest) = widest else { break };
             let range = ranges.swap_remove(widest);
-            let halves = split(range.items, &range.extent, kind, below.depth);
+            let halves = match range.known {
+                Some(known) => known.halves,
+                None => split(below.level, range.items, &range.extent, kind, below.depth),
+            };
+            let known = |side: usize| range.known.and_then(|known| known.below[side].as_deref());
+            let [a, b] = halves.extents;
             let (left, right) = range.items.split_at_mut(halves.middle);
-            ranges.push(Range::new(left, halves.extents[0]));
-            ranges.push(Range::new(right, halves.extents[1]));
+            ranges.extend([
+                Range::new(left, a, known(0)),
+                Range::new(right, b, known(1)),
+            ]);
         }
         // What fits into this node needs none of its own.
         while let Some(smallest) = (0..ranges.len())
@@ -223,12 +252,12 @@ fn build_node<B: Bounds8>(
     }
 
     let index = tree.nodes.len() as u32;
-    let mut boxes = [LinearBox::EMPTY; 8];
-    for (to, range) in boxes.iter_mut().zip(&ranges) {
-        *to = range.extent.bounds.linear();
+    let mut hulls = [&ranges[0].extent.bounds; 8];
+    for (to, range) in hulls.iter_mut().zip(&ranges) {
+        *to = &range.extent.bounds;
     }
     tree.nodes.push(Node {
-        bounds: pack(below.level, &boxes[..ranges.len()]),
+        bounds: pack_hulls(below.level, hulls),
         children: [0; 8],
         frame: below.frame,
         valid: (1u32 << ranges.len()) - 1,
@@ -279,9 +308,9 @@ impl<B> Tree<B> {
 
 fn build_child<B: Bounds8>(tree: &mut Tree<B>, range: Range<'_, B::Hull>, below: Below<'_>) -> u32 {
     match range.items {
-        [item, ..] if below.cancel.load(Ordering::Relaxed) => Tree::<B>::LEAF | item.id,
-        [item] => Tree::<B>::LEAF | item.id,
-        items => build_node(tree, items, Some(range.extent), below),
+        [item, ..] if below.cancel.load(Ordering::Relaxed) => Tree::<B>::LEAF | item.id(),
+        [item] => Tree::<B>::LEAF | item.id(),
+        items => build_node(tree, items, (Some(range.extent), range.known), below),
     }
 }
 

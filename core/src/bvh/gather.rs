@@ -13,9 +13,10 @@ use hdtrapeze_simd::Level;
 
 use super::block::{self, Block, Span};
 use super::bound::{Bounded, bound, bound_loose, is_bounded};
+use super::build::Item;
 use super::object::{LOOSE_GRIDS, loose_item};
 use super::orient::direction;
-use super::sorted::{Hull, Sorted};
+use super::sorted::Sorted;
 use super::{Bounds8, Frame, LinearBox};
 use crate::grid::planar::{GridPlanes, Run};
 use crate::grid::{DicedMesh, PlanarMesh};
@@ -90,8 +91,8 @@ impl<B: Bounds8> Part<B> {
             let whole = boxes.iter().fold(LinearBox::EMPTY, |a, b| a.union(b));
             let area: f32 = boxes.iter().map(LinearBox::mean_half_area).sum();
             if small || area < LOOSE_SHARE * whole.mean_half_area() {
-                let items = boxes.iter().zip(0..).map(|(bounds, slot)| Sorted {
-                    bounds: B::Hull::of(bounds),
+                let items = boxes.iter().zip(0..).map(|(&bounds, slot)| Item {
+                    bounds,
                     id: loose_item(g, slot),
                     along: if small {
                         Vec3::ZERO
@@ -99,7 +100,7 @@ impl<B: Bounds8> Part<B> {
                         direction(planes, block::loose(grid, slot))
                     },
                 });
-                self.items.extend(items);
+                self.items.extend(items.map(|item| Sorted::of(&item)));
                 self.strips += if small { 0 } else { boxes.len() };
                 self.bounds = self.bounds.union(&whole);
                 return Some(());
@@ -132,11 +133,11 @@ impl<B: Bounds8> Part<B> {
                 self.frames.push(frame);
                 block.frame = self.frames.len() as u32;
             }
-            self.items.push(Sorted {
-                bounds: B::Hull::of(&built.aabb),
+            self.items.push(Sorted::of(&Item {
+                bounds: built.aabb,
                 id: self.blocks.len() as u32,
                 along: Vec3::ZERO,
-            });
+            }));
             self.reach = self.reach.max(block.bounds.reach());
             self.bounds = self.bounds.union(&built.aabb);
             self.blocks.push(block);
@@ -151,15 +152,15 @@ pub struct Gathered<B: Bounds8> {
     pub blocks: Vec<Block<B>>,
     /// Their frames; number 0 is the identity.
     pub frames: Vec<Frame>,
-    /// Items.
-    pub items: Vec<Sorted<B::Hull>>,
+    /// Items, by part.
+    pub items: Vec<Vec<Sorted<B::Hull>>>,
 }
 
 /// Joins parts, in their order.
 pub fn joined<B: Bounds8>(parts: Vec<Part<B>>) -> Gathered<B> {
     let sum = |count: fn(&Part<B>) -> usize| parts.iter().map(count).sum::<usize>();
     let mut blocks = Vec::with_capacity(sum(|p| p.blocks.len()));
-    let mut items = Vec::with_capacity(sum(|p| p.items.len()));
+    let mut items = Vec::with_capacity(parts.len());
     let mut frames = Vec::with_capacity(sum(|p| p.frames.len()) + 1);
     frames.push(Frame::IDENTITY);
     for mut part in parts {
@@ -168,12 +169,14 @@ pub fn joined<B: Bounds8>(parts: Vec<Part<B>>) -> Gathered<B> {
             block.frame += frame_base;
         }
         if block_base > 0 && !part.blocks.is_empty() {
-            for item in part.items.iter_mut().filter(|i| i.id & super::LOOSE == 0) {
-                item.id += block_base;
+            for item in &mut part.items {
+                if item.id() & super::LOOSE == 0 {
+                    *item = item.numbered(item.id() + block_base);
+                }
             }
         }
         blocks.append(&mut part.blocks);
-        items.append(&mut part.items);
+        items.push(part.items);
         frames.append(&mut part.frames);
     }
     Gathered {

@@ -68,6 +68,21 @@ pub fn pack<B: Bounds8>(level: Level, boxes: &[LinearBox]) -> B {
     level.run(Pack(boxes, PhantomData))
 }
 
+/// The same for boxes as the build sorts them, where some may stand in several lanes.
+pub fn pack_hulls<B: Bounds8>(level: Level, hulls: [&B::Hull; 8]) -> B {
+    level.run(PackHulls(hulls))
+}
+
+struct PackHulls<'a, B: Bounds8>([&'a B::Hull; 8]);
+
+impl<B: Bounds8> Kernel for PackHulls<'_, B> {
+    type Output = B;
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> B {
+        B::pack(simd, &B::Hull::boxes(simd, self.0))
+    }
+}
+
 struct Pack<'a, B>(&'a [LinearBox], PhantomData<B>);
 
 impl<B: Bounds8> Kernel for Pack<'_, B> {

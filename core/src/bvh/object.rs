@@ -319,9 +319,10 @@ pub(super) fn build_blocks<B: Bounds8>(mesh: DicedMesh, full: bool, upright: boo
         items,
     } = joined(parts);
     let oriented_blocks = frames.len() as u64 - 1;
-    let (item_count, empty) = (items.len(), items.is_empty());
+    let item_count = items.iter().map(Vec::len).sum::<usize>();
+    let empty = item_count == 0;
     // Where strands are most of the items, so many that memory counts, full nodes cost no time either.
-    let nodes = if full || 2 * strips > items.len() {
+    let nodes = if full || 2 * strips > item_count {
         Nodes::Full
     } else {
         Nodes::Cheap

@@ -9,13 +9,15 @@
 //! strands happen to agree. A frame does not move: it follows the mean of both ends of the shutter.
 
 use glam::Vec3;
-use hdtrapeze_simd::Level;
+use hdtrapeze_simd::{Kernel, Level, Scalar, Simd};
 
 use super::Frame;
 use super::block::{CellRect, GROUPS, loose};
 use super::bound::{TURN_COST, bound_groups};
+use super::guess::{Guess, Guessed};
 use super::object::loose_group;
 use super::sorted::{Hull, Sorted};
+use super::split::Extent;
 use crate::grid::PlanarMesh;
 use crate::grid::planar::GridPlanes;
 
@@ -24,8 +26,6 @@ pub const MOST_ITEMS: usize = 2048;
 /// A range of more items than a node has is turned where that leaves less than this part of the area of its
 /// boxes. Figures are much the same from a quarter to a half.
 const SHARE: f32 = 0.4;
-/// Ranges with a smaller mean cosine of the angle to the mean direction are not turned.
-const LEAST_COSINE: f32 = 0.8;
 
 /// The groups of a mesh that a tree is built over.
 #[derive(Clone, Copy)]
@@ -39,22 +39,23 @@ pub struct Strands<'a> {
 impl Strands<'_> {
     /// A frame for a range that has none yet, and its items there, if that pays.
     pub fn turn<H: Hull>(&self, items: &[Sorted<H>]) -> Option<(Frame, Vec<Sorted<H>>)> {
-        let frame = common_frame(items)?;
-        // First without width: most ranges that fail do so here.
-        let area = |items: &[Sorted<H>]| items.iter().map(|i| i.bounds.area()).sum::<f32>();
-        let before = area(items);
+        let Guess {
+            frame,
+            before,
+            after,
+        } = self.level.run(Guessed(items))?;
         let least = if items.len() > GROUPS {
             SHARE * before
         } else {
-            let whole = items.iter().fold(H::EMPTY, |h, i| h.union(&i.bounds));
-            before - TURN_COST * whole.area()
+            let whole = Extent::of(self.level, items).bounds;
+            before - TURN_COST * H::area(Scalar, whole.load(Scalar))
         };
-        let lines = items.iter().map(|i| line_area(frame.turn(i.along)));
-        if lines.sum::<f32>() >= least {
+        // Most ranges that fail do so here.
+        if after >= least {
             return None;
         }
         let turned = self.turned(items, &frame)?;
-        (area(&turned) < least).then_some((frame, turned))
+        (self.level.run(Area(&turned)) < least).then_some((frame, turned))
     }
 
     /// The items of a range in a frame; none where one of them is a block.
@@ -63,7 +64,7 @@ impl Strands<'_> {
         for part in turned.chunks_mut(GROUPS) {
             let mut groups = [(0, CellRect::default()); GROUPS];
             for (to, item) in groups.iter_mut().zip(part.iter()) {
-                let (grid, slot) = loose_group(item.id)?;
+                let (grid, slot) = loose_group(item.id())?;
                 *to = (grid, loose(&self.mesh.grids[grid as usize], slot));
             }
             let boxes = bound_groups(self.level, self.mesh, &groups[..part.len()], frame);
@@ -75,40 +76,19 @@ impl Strands<'_> {
     }
 }
 
-/// Half the area of the box of a line.
-fn line_area(along: Vec3) -> f32 {
-    let e = along.abs();
-    e.x * e.y + e.y * e.z + e.z * e.x
-}
+/// The sum of the areas of boxes.
+struct Area<'a, H>(&'a [Sorted<H>]);
 
-/// Along the mean direction of strands, and the direction in which they differ most. None where an item has
-/// no direction, or directions differ too much.
-fn common_frame<H: Hull>(items: &[Sorted<H>]) -> Option<Frame> {
-    let (mut mean, mut lengths) = (Vec3::ZERO, 0.0);
-    for item in items {
-        let length = item.along.length();
-        if length <= 0.0 {
-            return None;
+impl<H: Hull> Kernel for Area<'_, H> {
+    type Output = f32;
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> f32 {
+        let mut sum = 0.0;
+        for item in self.0 {
+            sum += H::area(simd, item.bounds.load(simd));
         }
-        // Strands have no sense: what points the other way is turned round.
-        mean += if item.along.dot(mean) < 0.0 {
-            -item.along
-        } else {
-            item.along
-        };
-        lengths += length;
+        sum
     }
-    // Written so that NaN fails.
-    let coherent = mean.length() > LEAST_COSINE * lengths;
-    if !coherent {
-        return None;
-    }
-    let axis = mean.try_normalize()?;
-    let spread = items
-        .iter()
-        .map(|i| i.along - axis * i.along.dot(axis))
-        .max_by(|a, b| a.length_squared().total_cmp(&b.length_squared()))?;
-    Frame::from_edges(axis, spread)
 }
 
 /// From end to end of a group of a strip, the mean of both ends of the shutter.

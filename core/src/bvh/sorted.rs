@@ -1,91 +1,135 @@
-//! Boxes as the build sorts them: vectors of 4 lanes, and the second bounds only where things move.
+//! Boxes as the build sorts them: lower bounds and mirrored upper ones in one vector, so that a single minimum joins
+//! two boxes; and the second bounds only where things move.
 
-use glam::{Vec3, Vec3A};
+use glam::{Vec3, Vec4};
+use hdtrapeze_simd::{Float, Simd};
 
 use super::LinearBox;
 use super::build::Item;
+use super::lanes::{Boxes8, Ranges8};
 
 /// A box of one kind: what grows, and has an area.
 pub trait Hull: Clone + Copy + Send + Sync {
     /// The box of nothing.
     const EMPTY: Self;
+    /// The box in registers.
+    type In<S: Simd>: Copy;
     /// The box; one that does not move contains both ends of one that does.
     fn of(bounds: &LinearBox) -> Self;
-    /// The same as a linear box.
-    fn linear(&self) -> LinearBox;
+    /// Into registers.
+    fn load<S: Simd>(&self, simd: S) -> Self::In<S>;
+    /// Out of them.
+    fn store<S: Simd>(bounds: Self::In<S>) -> Self;
     /// As [`LinearBox::union`].
-    fn union(&self, other: &Self) -> Self;
-    /// As [`LinearBox::centre4`].
-    fn centre4(&self) -> Vec3A;
+    fn union<S: Simd>(a: Self::In<S>, b: Self::In<S>) -> Self::In<S>;
+    /// The same box, or with infinities in `by`, where there are zeros elsewhere, that of nothing.
+    fn unless<S: Simd>(bounds: Self::In<S>, by: S::F8) -> Self::In<S>;
+    /// As [`LinearBox::centre4`], in lanes 0 to 2, and mirrored in lanes 4 to 6; 0 in the others.
+    fn centre4<S: Simd>(simd: S, bounds: Self::In<S>) -> S::F8;
+    /// Extents in lanes 0 to 2, the mean over the shutter.
+    fn extents<S: Simd>(simd: S, bounds: Self::In<S>) -> S::F8;
     /// As [`LinearBox::mean_half_area`].
-    fn area(&self) -> f32;
+    fn area<S: Simd>(simd: S, bounds: Self::In<S>) -> f32;
+    /// 8 boxes, a lane each.
+    fn boxes<S: Simd>(simd: S, hulls: [&Self; 8]) -> Boxes8<S::F8>;
 }
 
-/// A box that does not move.
+/// A box that does not move: lower bounds in lanes 0 to 2, and mirrored upper ones in lanes 4 to 6.
 #[derive(Clone, Copy, Debug)]
-pub struct StaticHull {
-    lo: Vec3A,
-    hi: Vec3A,
-}
+#[repr(C, align(16))]
+pub struct StaticHull([f32; 8]);
 
 /// A box with bounds at both ends of the shutter.
 #[derive(Clone, Copy, Debug)]
+#[repr(C)]
 pub struct LinearHull {
     start: StaticHull,
     end: StaticHull,
 }
 
+impl StaticHull {
+    const EMPTY: Self = Self([f32::INFINITY; 8]);
+
+    fn between(lo: Vec3, hi: Vec3) -> Self {
+        Self([lo.x, lo.y, lo.z, 0.0, -hi.x, -hi.y, -hi.z, 0.0])
+    }
+
+    #[inline(always)]
+    fn ranges<S: Simd>(simd: S, hulls: [&Self; 8]) -> Ranges8<S::F8> {
+        let [a, b, c, d, e, f, g, h] = hulls;
+        let [x, y, z, _, u, v, w, _] = simd.transposed([
+            simd.from8(&a.0),
+            simd.from8(&b.0),
+            simd.from8(&c.0),
+            simd.from8(&d.0),
+            simd.from8(&e.0),
+            simd.from8(&f.0),
+            simd.from8(&g.0),
+            simd.from8(&h.0),
+        ]);
+        Ranges8 {
+            lo: [x, y, z],
+            hi: [-u, -v, -w],
+        }
+    }
+}
+
+/// Lower bounds plus mirrored upper ones: mirrored extents, twice.
+#[inline(always)]
+fn mirrored_extents<S: Simd>(simd: S, bounds: S::F8) -> S::F8 {
+    (bounds + simd.halves_swapped(bounds)).min(simd.all8(0.0))
+}
+
+/// `x y + y z + z x` of both signs.
+#[inline(always)]
+fn products<F: Float<8>>(extents: F) -> f32 {
+    let [x, y, z, ..] = extents.to_array();
+    x * y + y * z + z * x
+}
+
 impl Hull for StaticHull {
-    const EMPTY: Self = Self {
-        lo: Vec3A::INFINITY,
-        hi: Vec3A::NEG_INFINITY,
-    };
+    const EMPTY: Self = Self::EMPTY;
+    type In<S: Simd> = S::F8;
     fn of(b: &LinearBox) -> Self {
-        Self {
-            lo: b.lo0.min(b.lo1).into(),
-            hi: b.hi0.max(b.hi1).into(),
-        }
-    }
-    fn linear(&self) -> LinearBox {
-        let (lo, hi) = (Vec3::from(self.lo), Vec3::from(self.hi));
-        LinearBox {
-            lo0: lo,
-            hi0: hi,
-            lo1: lo,
-            hi1: hi,
-        }
+        Self::between(b.lo0.min(b.lo1), b.hi0.max(b.hi1))
     }
     #[inline(always)]
-    fn union(&self, other: &Self) -> Self {
-        Self {
-            lo: self.lo.min(other.lo),
-            hi: self.hi.max(other.hi),
-        }
+    fn load<S: Simd>(&self, simd: S) -> S::F8 {
+        simd.from8(&self.0)
     }
     #[inline(always)]
-    fn centre4(&self) -> Vec3A {
-        let sum = self.lo + self.hi;
+    fn store<S: Simd>(bounds: S::F8) -> Self {
+        Self(bounds.to_array())
+    }
+    #[inline(always)]
+    fn union<S: Simd>(a: S::F8, b: S::F8) -> S::F8 {
+        a.min(b)
+    }
+    #[inline(always)]
+    fn unless<S: Simd>(bounds: S::F8, by: S::F8) -> S::F8 {
+        bounds + by
+    }
+    #[inline(always)]
+    fn centre4<S: Simd>(simd: S, bounds: S::F8) -> S::F8 {
+        let sum = bounds - simd.halves_swapped(bounds);
         sum + sum
     }
     #[inline(always)]
-    fn area(&self) -> f32 {
-        let e = self.extent();
-        products(e, e)
+    fn extents<S: Simd>(simd: S, bounds: S::F8) -> S::F8 {
+        -mirrored_extents(simd, bounds)
     }
-}
-
-impl StaticHull {
     #[inline(always)]
-    fn extent(&self) -> Vec3A {
-        (self.hi - self.lo).max(Vec3A::ZERO)
+    fn area<S: Simd>(simd: S, bounds: S::F8) -> f32 {
+        products(mirrored_extents(simd, bounds))
     }
-}
-
-/// `a.x b.y + a.y b.z + a.z b.x`.
-#[inline(always)]
-fn products(a: Vec3A, b: Vec3A) -> f32 {
-    let p = a * Vec3A::new(b.y, b.z, b.x);
-    p.x + p.y + p.z
+    #[inline(always)]
+    fn boxes<S: Simd>(simd: S, hulls: [&Self; 8]) -> Boxes8<S::F8> {
+        let ranges = Self::ranges(simd, hulls);
+        Boxes8 {
+            start: ranges,
+            end: ranges,
+        }
+    }
 }
 
 impl Hull for LinearHull {
@@ -93,54 +137,76 @@ impl Hull for LinearHull {
         start: StaticHull::EMPTY,
         end: StaticHull::EMPTY,
     };
+    type In<S: Simd> = [S::F8; 2];
     fn of(b: &LinearBox) -> Self {
-        let hull = |lo: Vec3, hi: Vec3| StaticHull {
-            lo: lo.into(),
-            hi: hi.into(),
-        };
         Self {
-            start: hull(b.lo0, b.hi0),
-            end: hull(b.lo1, b.hi1),
-        }
-    }
-    fn linear(&self) -> LinearBox {
-        LinearBox {
-            lo0: self.start.lo.into(),
-            hi0: self.start.hi.into(),
-            lo1: self.end.lo.into(),
-            hi1: self.end.hi.into(),
+            start: StaticHull::between(b.lo0, b.hi0),
+            end: StaticHull::between(b.lo1, b.hi1),
         }
     }
     #[inline(always)]
-    fn union(&self, other: &Self) -> Self {
+    fn load<S: Simd>(&self, simd: S) -> [S::F8; 2] {
+        [self.start.load(simd), self.end.load(simd)]
+    }
+    #[inline(always)]
+    fn store<S: Simd>([start, end]: [S::F8; 2]) -> Self {
         Self {
-            start: self.start.union(&other.start),
-            end: self.end.union(&other.end),
+            start: StaticHull(start.to_array()),
+            end: StaticHull(end.to_array()),
         }
     }
     #[inline(always)]
-    fn centre4(&self) -> Vec3A {
-        (self.start.lo + self.start.hi) + (self.end.lo + self.end.hi)
+    fn union<S: Simd>(a: [S::F8; 2], b: [S::F8; 2]) -> [S::F8; 2] {
+        [a[0].min(b[0]), a[1].min(b[1])]
     }
     #[inline(always)]
-    fn area(&self) -> f32 {
+    fn unless<S: Simd>([start, end]: [S::F8; 2], by: S::F8) -> [S::F8; 2] {
+        [start + by, end + by]
+    }
+    #[inline(always)]
+    fn centre4<S: Simd>(simd: S, [start, end]: [S::F8; 2]) -> S::F8 {
+        let [a, b] = [simd.halves_swapped(start), simd.halves_swapped(end)];
+        (start - a) + (end - b)
+    }
+    #[inline(always)]
+    fn extents<S: Simd>(simd: S, [start, end]: [S::F8; 2]) -> S::F8 {
+        (mirrored_extents(simd, start) + mirrored_extents(simd, end)) * simd.all8(-0.5)
+    }
+    #[inline(always)]
+    fn area<S: Simd>(simd: S, [start, end]: [S::F8; 2]) -> f32 {
         // The mean of x y over time, as in `LinearBox::mean_half_area`, regrouped: with the sum s of both ends'
         // extents, it is (x0 y0 + x1 y1 + sx sy) / 6.
-        let (e0, e1) = (self.start.extent(), self.end.extent());
-        let s = e0 + e1;
-        (products(e0, e0) + products(e1, e1) + products(s, s)) * (1.0 / 6.0)
+        let (e0, e1) = (mirrored_extents(simd, start), mirrored_extents(simd, end));
+        (products(e0) + products(e1) + products(e0 + e1)) * (1.0 / 6.0)
+    }
+    #[inline(always)]
+    fn boxes<S: Simd>(simd: S, hulls: [&Self; 8]) -> Boxes8<S::F8> {
+        let [a, b, c, d, e, f, g, h] = hulls;
+        Boxes8 {
+            start: StaticHull::ranges(
+                simd,
+                [
+                    &a.start, &b.start, &c.start, &d.start, &e.start, &f.start, &g.start, &h.start,
+                ],
+            ),
+            end: StaticHull::ranges(
+                simd,
+                [
+                    &a.end, &b.end, &c.end, &d.end, &e.end, &f.end, &g.end, &h.end,
+                ],
+            ),
+        }
     }
 }
 
 /// An item being sorted.
 #[derive(Clone, Copy, Debug)]
+#[repr(C)]
 pub struct Sorted<H> {
     /// Its box.
     pub bounds: H,
-    /// Its number.
-    pub id: u32,
-    /// As [`Item::along`].
-    pub along: Vec3,
+    /// Its direction, and the bits of its number: moved in one piece.
+    rest: Vec4,
 }
 
 impl<H: Hull> Sorted<H> {
@@ -148,8 +214,27 @@ impl<H: Hull> Sorted<H> {
     pub fn of(item: &Item) -> Self {
         Self {
             bounds: H::of(&item.bounds),
-            id: item.id,
-            along: item.along,
+            rest: item.along.extend(f32::from_bits(item.id)),
         }
+    }
+
+    /// Its number.
+    #[inline(always)]
+    pub fn id(&self) -> u32 {
+        self.rest.w.to_bits()
+    }
+
+    /// The same item with another number.
+    pub fn numbered(self, id: u32) -> Self {
+        Self {
+            rest: self.rest.truncate().extend(f32::from_bits(id)),
+            ..self
+        }
+    }
+
+    /// As [`Item::along`].
+    #[inline(always)]
+    pub fn along(&self) -> Vec3 {
+        self.rest.truncate()
     }
 }

@@ -1,6 +1,8 @@
 //! Where a range of items is split in two: the cheapest plane between bins, by surface-area cost.
 
-use glam::Vec3A;
+use std::marker::PhantomData;
+
+use hdtrapeze_simd::{Float, Kernel, Level, Mask, Scalar, Simd};
 use rayon::prelude::*;
 
 use super::build::{Nodes, PARALLEL_ITEMS};
@@ -15,54 +17,130 @@ const FEW_BINS: usize = 8;
 pub const SAH_DEPTH: usize = 16;
 /// Ranges up to this size are small. They are split so that nodes are full, where that is asked for.
 const FEW_ITEMS: usize = 64;
+/// What is added to a box, or a centre, that is on a side, and to one that is not: minima pass it over.
+const BESIDE: [[f32; 8]; 2] = [[f32::INFINITY; 8], [0.0; 8]];
+/// Above it, f32 are whole numbers: sums are rounded to the nearest, and end in it.
+const WHOLE: f32 = (1 << 23) as f32;
 
 /// What items extend over.
 #[derive(Clone, Copy)]
 pub struct Extent<H> {
     /// The box around theirs.
     pub bounds: H,
-    /// The box around its centres, see [`Hull::centre4`].
-    centres: [Vec3A; 2],
+    /// The box around its centres: the least in each lane of [`Hull::centre4`].
+    centres: [f32; 8],
 }
 
 impl<H: Hull> Extent<H> {
     const EMPTY: Self = Self {
         bounds: H::EMPTY,
-        centres: [Vec3A::INFINITY, Vec3A::NEG_INFINITY],
+        centres: [f32::INFINITY; 8],
     };
 
-    /// Of items, in parallel where there are many.
-    pub fn of(items: &[Sorted<H>]) -> Self {
-        if items.len() <= PARALLEL_ITEMS {
-            let with = |e: Self, item: &Sorted<H>| e.with(item.bounds.centre4(), &item.bounds);
-            return items.iter().fold(Self::EMPTY, with);
+    /// Of boxes, and [centres](Piece::centres), joined.
+    #[inline(always)]
+    pub fn around<S: Simd>(bounds: H::In<S>, centres: S::F8) -> Self {
+        Self {
+            bounds: H::store::<S>(bounds),
+            centres: centres.to_array(),
         }
-        items
-            .par_chunks(PARALLEL_ITEMS)
-            .map(Self::of)
-            .reduce(|| Self::EMPTY, |a, b| a.union(&b))
     }
 
+    /// As [`Piece::centres`].
     #[inline(always)]
-    fn with(&self, centre: Vec3A, bounds: &H) -> Self {
+    pub fn centres<S: Simd>(&self, simd: S) -> S::F8 {
+        simd.from8(&self.centres)
+    }
+
+    /// How far centres go along each axis.
+    pub fn spans(&self) -> [f32; 3] {
+        let c = &self.centres;
+        [-c[4] - c[0], -c[5] - c[1], -c[6] - c[2]]
+    }
+
+    /// Of an item that is not split.
+    pub fn single(item: &Sorted<H>) -> Self {
         Self {
-            bounds: self.bounds.union(bounds),
-            centres: [self.centres[0].min(centre), self.centres[1].max(centre)],
+            bounds: item.bounds,
+            ..Self::EMPTY
         }
+    }
+
+    /// Of items, in parallel where there are many.
+    pub fn of(level: Level, items: &[Sorted<H>]) -> Self {
+        if items.len() <= PARALLEL_ITEMS {
+            return level.run(Extend(items));
+        }
+        let chunks: Vec<&[Sorted<H>]> = items.chunks(PARALLEL_ITEMS).collect();
+        Self::of_all(level, &chunks)
+    }
+
+    /// Of chunks of items, in parallel.
+    pub fn of_all(level: Level, chunks: &[&[Sorted<H>]]) -> Self {
+        let extents = chunks.par_iter().map(|items| level.run(Extend(items)));
+        extents.reduce(|| Self::EMPTY, |a, b| a.union(&b))
     }
 
     fn union(&self, o: &Self) -> Self {
+        let [a, b] = [self, o].map(|e| e.bounds.load(Scalar));
+        let [c, d] = [self, o].map(|e| Scalar.from8(&e.centres));
         Self {
-            bounds: self.bounds.union(&o.bounds),
-            centres: [
-                self.centres[0].min(o.centres[0]),
-                self.centres[1].max(o.centres[1]),
-            ],
+            bounds: H::store(H::union::<Scalar>(a, b)),
+            centres: c.min(d).to_array(),
         }
     }
 }
 
+struct Extend<'a, H>(&'a [Sorted<H>]);
+
+impl<H: Hull> Kernel for Extend<'_, H> {
+    type Output = Extent<H>;
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> Extent<H> {
+        let mut bounds = H::EMPTY.load(simd);
+        let mut centres = simd.all8(f32::INFINITY);
+        for item in self.0 {
+            let own = item.bounds.load(simd);
+            bounds = H::union::<S>(own, bounds);
+            centres = H::centre4(simd, own).min(centres);
+        }
+        Extent::around::<S>(bounds, centres)
+    }
+}
+
+/// What is sorted into bins: an item, or several.
+pub trait Piece<H: Hull>: Copy + Sync {
+    /// The box around it.
+    fn bounds(&self) -> &H;
+    /// The least of [`Hull::centre4`], by lane, over its items.
+    fn centres<S: Simd>(&self, simd: S) -> S::F8;
+    /// What its bin is chosen by, like [`Hull::centre4`].
+    fn place<S: Simd>(&self, simd: S) -> S::F8;
+    /// Items.
+    fn count(&self) -> u32;
+}
+
+impl<H: Hull> Piece<H> for Sorted<H> {
+    #[inline(always)]
+    fn bounds(&self) -> &H {
+        &self.bounds
+    }
+    #[inline(always)]
+    fn centres<S: Simd>(&self, simd: S) -> S::F8 {
+        H::centre4(simd, self.bounds.load(simd))
+    }
+    #[inline(always)]
+    fn place<S: Simd>(&self, simd: S) -> S::F8 {
+        self.centres(simd)
+    }
+    #[inline(always)]
+    fn count(&self) -> u32 {
+        1
+    }
+}
+
 /// Items on both sides of a split.
+#[derive(Clone, Copy)]
 pub struct Halves<H> {
     /// Where the second side starts; neither is empty.
     pub middle: usize,
@@ -72,6 +150,7 @@ pub struct Halves<H> {
 
 /// Reorders two or more items, so that each side of the split is a range.
 pub fn split<H: Hull>(
+    level: Level,
     items: &mut [Sorted<H>],
     extent: &Extent<H>,
     kind: Nodes,
@@ -79,68 +158,25 @@ pub fn split<H: Hull>(
 ) -> Halves<H> {
     if items.len() > 2
         && depth < SAH_DEPTH
-        && let Some(halves) = split_by_area(items, extent, kind)
+        && let Some(halves) = level.run(SplitByArea {
+            level,
+            items,
+            extent,
+            kind,
+        })
     {
         return halves;
     }
-    let half = match kind {
+    let middle = match kind {
         Nodes::Cheap => items.len() / 2,
         Nodes::Full if items.len() <= 8 => items.len() / 2,
         Nodes::Full => whole_nodes(items.len() / 2, items.len()),
     };
-    Halves::at(items, half)
-}
-
-impl<H: Hull> Halves<H> {
-    fn at(items: &[Sorted<H>], middle: usize) -> Self {
-        let (left, right) = items.split_at(middle);
-        Self {
-            middle,
-            extents: [Extent::of(left), Extent::of(right)],
-        }
+    let (left, right) = items.split_at(middle);
+    Halves {
+        middle,
+        extents: [Extent::of(level, left), Extent::of(level, right)],
     }
-}
-
-/// The cheapest split; none where there is none.
-fn split_by_area<H: Hull>(
-    items: &mut [Sorted<H>],
-    extent: &Extent<H>,
-    kind: Nodes,
-) -> Option<Halves<H>> {
-    let full = kind == Nodes::Full && items.len() <= FEW_ITEMS;
-    let bins = Bins::new(
-        extent,
-        if items.len() <= FEW_ITEMS {
-            FEW_BINS
-        } else {
-            BINS
-        },
-    );
-    let plane = best_plane(items, &bins)?;
-    if full {
-        let middle = split_full(
-            items,
-            plane.axis,
-            bins.lo,
-            plane.bin as f32 / bins.scale[plane.axis],
-        );
-        return Some(Halves::at(items, middle));
-    }
-    let mut extents = [Extent::EMPTY; 2];
-    let mut middle = 0;
-    for i in 0..items.len() {
-        let item = &items[i];
-        let centre = item.bounds.centre4();
-        let left = bins.numbers(centre)[plane.axis] < plane.bin;
-        let side = &mut extents[usize::from(!left)];
-        *side = side.with(centre, &item.bounds);
-        if left {
-            items.swap(i, middle);
-            middle += 1;
-        }
-    }
-    debug_assert!(middle > 0 && middle < items.len());
-    Some(Halves { middle, extents })
 }
 
 /// About `left` of `count` items, 9 or more: what fills whole nodes, and leaves some.
@@ -148,142 +184,309 @@ fn whole_nodes(left: usize, count: usize) -> usize {
     8 * ((left + 4) / 8).clamp(1, (count - 1) / 8)
 }
 
-/// Splits 9 to [`FEW_ITEMS`] items near `at` (above `lo`), so that one side fills whole nodes.
-fn split_full<H: Hull>(items: &mut [Sorted<H>], axis: usize, lo: Vec3A, at: f32) -> usize {
-    let centre = |item: &Sorted<H>| item.bounds.centre4()[axis];
-    let left = items.iter().filter(|i| centre(i) - lo[axis] < at).count();
-    let middle = whole_nodes(left, items.len());
-    items.select_nth_unstable_by(middle, |a, b| {
-        centre(a).total_cmp(&centre(b)).then(a.id.cmp(&b.id))
-    });
-    middle
+/// The cheapest split; none where there is none.
+struct SplitByArea<'a, H> {
+    level: Level,
+    items: &'a mut [Sorted<H>],
+    extent: &'a Extent<H>,
+    kind: Nodes,
+}
+
+impl<H: Hull> Kernel for SplitByArea<'_, H> {
+    type Output = Option<Halves<H>>;
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> Option<Halves<H>> {
+        let Self {
+            level,
+            items,
+            extent,
+            kind,
+        } = self;
+        if items.len() <= FEW_ITEMS {
+            let places = Places::new(extent, [FEW_BINS; 3]);
+            let filled = fill::<S, H, _, FEW_BINS>(simd, items, &places);
+            let plane = cheapest(simd, &filled, &places)?;
+            return Some(match kind {
+                Nodes::Full => split_full(simd, items, &plane),
+                Nodes::Cheap => partition(simd, items, &places, &plane).1,
+            });
+        }
+        let pieces = Pieces {
+            level,
+            pieces: items,
+            extent,
+        };
+        pieces.run(simd).map(|(_, halves)| halves)
+    }
+}
+
+/// Reorders pieces, so that each side of the cheapest split is a range; returns where the second begins. None where there is
+/// no split.
+pub fn split_pieces<H: Hull, P: Piece<H>>(
+    level: Level,
+    pieces: &mut [P],
+    extent: &Extent<H>,
+) -> Option<(usize, Halves<H>)> {
+    level.run(Pieces {
+        level,
+        pieces,
+        extent,
+    })
+}
+
+struct Pieces<'a, H, P> {
+    level: Level,
+    pieces: &'a mut [P],
+    extent: &'a Extent<H>,
+}
+
+impl<H: Hull, P: Piece<H>> Kernel for Pieces<'_, H, P> {
+    type Output = Option<(usize, Halves<H>)>;
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> Self::Output {
+        let Self {
+            level,
+            pieces,
+            extent,
+        } = self;
+        let places = Places::new(extent, [BINS; 3]);
+        let filled = if pieces.len() > PARALLEL_ITEMS {
+            pieces
+                .par_chunks(PARALLEL_ITEMS)
+                .map(|pieces| level.run(Fill(pieces, &places, PhantomData)))
+                .reduce(|| Filled::EMPTY, |a, b| a.join(&b))
+        } else {
+            fill::<S, H, P, BINS>(simd, pieces, &places)
+        };
+        let plane = cheapest(simd, &filled, &places)?;
+        Some(partition(simd, pieces, &places, &plane))
+    }
 }
 
 /// Where bins are, on each axis: numbers grow with centres.
 #[derive(Clone, Copy)]
-struct Bins {
-    count: usize,
-    lo: Vec3A,
-    /// Bins in a unit; 0 on an axis without extent.
-    scale: Vec3A,
+pub struct Places {
+    lo: [f32; 8],
+    /// Bins in a unit; 0 on an axis without extent, and in lanes of none.
+    scale: [f32; 8],
+    /// The last bin.
+    most: [f32; 8],
 }
 
-impl Bins {
-    fn new<H>(extent: &Extent<H>, count: usize) -> Self {
-        let [lo, hi] = extent.centres;
-        // Not a division by an extent: an axis without extent gets one bin, and is passed over.
-        let scale = Vec3A::from_array([0, 1, 2].map(|a| {
-            let s = count as f32 / (hi[a] - lo[a]);
-            if s.is_finite() { s } else { 0.0 }
-        }));
-        Self { count, lo, scale }
+impl Places {
+    /// So many bins on each axis.
+    pub fn new<H: Hull>(extent: &Extent<H>, counts: [usize; 3]) -> Self {
+        let (mut lo, mut scale, mut most) = ([0.0; 8], [0.0; 8], [0.0; 8]);
+        let spans = extent.spans();
+        for a in 0..3 {
+            // Not a division by an extent: an axis without extent gets one bin, and is passed over.
+            let s = counts[a] as f32 / spans[a];
+            (lo[a], scale[a]) = (extent.centres[a], if s.is_finite() { s } else { 0.0 });
+            most[a] = (counts[a] - 1) as f32;
+        }
+        Self { lo, scale, most }
     }
 
-    /// Bins of a centre.
+    /// The bins of a place.
     #[inline(always)]
-    fn numbers(&self, centre: Vec3A) -> [usize; 3] {
-        /// Above it, f32 are whole numbers: sums are rounded to the nearest, and end in it.
-        const WHOLE: f32 = (1 << 23) as f32;
-        let most = Vec3A::splat((self.count - 1) as f32);
-        let at = (centre - self.lo) * self.scale - Vec3A::splat(0.5);
-        let whole = at.max(Vec3A::ZERO).min(most) + Vec3A::splat(WHOLE);
-        // Whatever rounding does, the bin exists.
-        whole.to_array().map(|x| x.to_bits() as usize % BINS)
+    pub fn numbers<S: Simd>(&self, simd: S, place: S::F8) -> [usize; 3] {
+        let [x, y, z, ..] = self.whole(simd, place).to_array();
+        let number = |x: f32| (x.to_bits() - WHOLE.to_bits()) as usize;
+        [number(x), number(y), number(z)]
+    }
+
+    /// The same plus [`WHOLE`].
+    #[inline(always)]
+    fn whole<S: Simd>(&self, simd: S, place: S::F8) -> S::F8 {
+        let at = (place - simd.from8(&self.lo)) * simd.from8(&self.scale) - simd.all8(0.5);
+        at.max(simd.all8(0.0)).min(simd.from8(&self.most)) + simd.all8(WHOLE)
     }
 }
 
 /// A split plane: items in bins below `bin` go left.
-struct Plane {
+struct Plane<H> {
     axis: usize,
     bin: usize,
+    /// Items on the left.
+    left: usize,
+    /// Boxes of both sides.
+    bounds: [H; 2],
 }
 
-#[derive(Clone, Copy)]
-struct Bin<H> {
-    bounds: H,
-    count: u32,
+/// What is in bins on each axis.
+struct Filled<H, const N: usize> {
+    bounds: [[H; N]; 3],
+    counts: [[u32; N]; 3],
 }
 
-impl<H: Hull> Bin<H> {
+impl<H: Hull, const N: usize> Filled<H, N> {
     const EMPTY: Self = Self {
-        bounds: H::EMPTY,
-        count: 0,
+        bounds: [[H::EMPTY; N]; 3],
+        counts: [[0; N]; 3],
     };
 
-    #[inline(always)]
-    fn union(&self, o: &Self) -> Self {
-        Self {
-            bounds: self.bounds.union(&o.bounds),
-            count: self.count + o.count,
+    fn join(mut self, o: &Self) -> Self {
+        let both = self.bounds.iter_mut().zip(&o.bounds);
+        for (a, b) in both.flat_map(|(a, b)| a.iter_mut().zip(b)) {
+            *a = H::store(H::union::<Scalar>(a.load(Scalar), b.load(Scalar)));
         }
-    }
-
-    #[inline(always)]
-    fn cost(&self) -> f32 {
-        self.bounds.area() * self.count as f32
+        let both = self.counts.iter_mut().zip(&o.counts);
+        for (a, b) in both.flat_map(|(a, b)| a.iter_mut().zip(b)) {
+            *a += b;
+        }
+        self
     }
 }
 
-type Filled<H, const N: usize> = [[Bin<H>; N]; 3];
+struct Fill<'a, H, P>(&'a [P], &'a Places, PhantomData<H>);
 
-fn fill<H: Hull, const N: usize>(items: &[Sorted<H>], bins: &Bins) -> Filled<H, N> {
-    let mut filled: Filled<H, N> = [[Bin::EMPTY; N]; 3];
-    for item in items {
-        let numbers = bins.numbers(item.bounds.centre4());
-        for axis in 0..3 {
-            let bin = &mut filled[axis][numbers[axis] % N];
-            bin.bounds = bin.bounds.union(&item.bounds);
-            bin.count += 1;
+impl<H: Hull, P: Piece<H>> Kernel for Fill<'_, H, P> {
+    type Output = Filled<H, BINS>;
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> Filled<H, BINS> {
+        fill(simd, self.0, self.1)
+    }
+}
+
+#[inline(always)]
+fn fill<S: Simd, H: Hull, P: Piece<H>, const N: usize>(
+    simd: S,
+    pieces: &[P],
+    places: &Places,
+) -> Filled<H, N> {
+    let mut filled = Filled::<H, N>::EMPTY;
+    for piece in pieces {
+        let own = piece.bounds().load(simd);
+        let numbers = places.numbers(simd, piece.place(simd));
+        for (axis, number) in numbers.into_iter().enumerate() {
+            // Whatever rounding does, the bin exists.
+            let number = number % N;
+            let bin = &mut filled.bounds[axis][number];
+            *bin = H::store::<S>(H::union::<S>(own, bin.load(simd)));
+            filled.counts[axis][number] += piece.count();
         }
     }
     filled
 }
 
-fn join<H: Hull, const N: usize>(mut a: Filled<H, N>, b: Filled<H, N>) -> Filled<H, N> {
-    for (x, y) in a.iter_mut().flatten().zip(b.iter().flatten()) {
-        *x = x.union(y);
-    }
-    a
-}
-
 /// The cheapest plane over all axes, or none where every centre is the same.
-fn best_plane<H: Hull>(items: &[Sorted<H>], bins: &Bins) -> Option<Plane> {
-    if bins.count == FEW_BINS {
-        return cheapest(&fill::<H, FEW_BINS>(items, bins), bins);
-    }
-    let filled = if items.len() > PARALLEL_ITEMS {
-        items
-            .par_chunks(PARALLEL_ITEMS)
-            .map(|chunk| fill::<H, BINS>(chunk, bins))
-            .reduce(|| [[Bin::EMPTY; BINS]; 3], join)
-    } else {
-        fill::<H, BINS>(items, bins)
-    };
-    cheapest(&filled, bins)
-}
-
-fn cheapest<H: Hull, const N: usize>(filled: &Filled<H, N>, bins: &Bins) -> Option<Plane> {
-    let mut best: Option<(f32, Plane)> = None;
-    for axis in (0..3).filter(|&a| bins.scale[a] > 0.0) {
-        let bins = &filled[axis];
-        let mut right_cost = [0.0f32; N];
-        let mut side = Bin::EMPTY;
-        for i in (1..N).rev() {
-            side = side.union(&bins[i]);
-            right_cost[i] = side.cost();
+#[inline(always)]
+fn cheapest<S: Simd, H: Hull, const N: usize>(
+    simd: S,
+    filled: &Filled<H, N>,
+    places: &Places,
+) -> Option<Plane<H>> {
+    let mut best: Option<(f32, Plane<H>)> = None;
+    for axis in 0..3 {
+        if places.scale[axis] <= 0.0 {
+            continue;
         }
-        let total = side.count + bins[0].count;
-        let mut side = Bin::EMPTY;
+        let (bounds, counts) = (&filled.bounds[axis], &filled.counts[axis]);
+        let mut right = [(H::EMPTY, 0.0f32); N];
+        let (mut side, mut count) = (H::EMPTY.load(simd), 0);
+        for i in (1..N).rev() {
+            side = H::union::<S>(side, bounds[i].load(simd));
+            count += counts[i];
+            right[i] = (H::store::<S>(side), H::area(simd, side) * count as f32);
+        }
+        let total = count + counts[0];
+        let (mut side, mut count) = (H::EMPTY.load(simd), 0);
         for i in 1..N {
-            side = side.union(&bins[i - 1]);
-            if side.count == 0 || side.count == total {
+            side = H::union::<S>(side, bounds[i - 1].load(simd));
+            count += counts[i - 1];
+            if count == 0 || count == total {
                 continue;
             }
-            let cost = side.cost() + right_cost[i];
+            let cost = H::area(simd, side) * count as f32 + right[i].1;
             if best.as_ref().is_none_or(|(c, _)| cost < *c) {
-                best = Some((cost, Plane { axis, bin: i }));
+                let plane = Plane {
+                    axis,
+                    bin: i,
+                    left: count as usize,
+                    bounds: [H::store::<S>(side), right[i].0],
+                };
+                best = Some((cost, plane));
             }
         }
     }
     best.map(|(_, plane)| plane)
+}
+
+/// Moves pieces to their sides of a plane; returns where the second begins.
+#[inline(always)]
+fn partition<S: Simd, H: Hull, P: Piece<H>>(
+    simd: S,
+    pieces: &mut [P],
+    places: &Places,
+    plane: &Plane<H>,
+) -> (usize, Halves<H>) {
+    let bin = simd.all8(WHOLE + plane.bin as f32);
+    let mut centres = [simd.all8(f32::INFINITY); 2];
+    let mut middle = 0;
+    for i in 0..pieces.len() {
+        let piece = pieces[i];
+        let below = places.whole(simd, piece.place(simd)).lt(bin).bits();
+        let left = (below >> plane.axis & 1) as usize;
+        let own = piece.centres(simd);
+        centres[0] = (own + simd.from8(&BESIDE[left])).min(centres[0]);
+        centres[1] = (own + simd.from8(&BESIDE[1 - left])).min(centres[1]);
+        // Without a branch, which nobody could foresee: the first piece on the right makes room.
+        pieces[i] = pieces[middle];
+        pieces[middle] = piece;
+        middle += left;
+    }
+    debug_assert!(middle > 0 && middle < pieces.len());
+    let extent = |side: usize| Extent {
+        bounds: plane.bounds[side],
+        centres: centres[side].to_array(),
+    };
+    let halves = Halves {
+        middle: plane.left,
+        extents: [extent(0), extent(1)],
+    };
+    (middle, halves)
+}
+
+/// Splits 9 to [`FEW_ITEMS`] items near a plane, so that one side fills whole nodes.
+#[inline(always)]
+fn split_full<S: Simd, H: Hull>(simd: S, items: &mut [Sorted<H>], plane: &Plane<H>) -> Halves<H> {
+    let left = whole_nodes(plane.left, items.len());
+    let mut keys = [f32::INFINITY; FEW_ITEMS];
+    for (key, item) in keys.iter_mut().zip(&*items) {
+        *key = H::centre4(simd, item.bounds.load(simd)).to_array()[plane.axis % 8];
+    }
+    let mut bounds = [H::EMPTY.load(simd); 2];
+    let mut centres = [simd.all8(f32::INFINITY); 2];
+    let mut middle = 0;
+    for i in 0..items.len() {
+        // Its place follows from how many are less, or the same and before it.
+        let own = simd.all16(keys[i % FEW_ITEMS]);
+        let before = (1u64 << (i % FEW_ITEMS)) - 1;
+        let mut place = 0;
+        for (part, keys) in keys.as_chunks::<16>().0.iter().enumerate() {
+            if 16 * part < items.len() {
+                let keys = simd.from16(keys);
+                let same = keys.le(own).bits() & (before >> (16 * part)) as u32;
+                place += (keys.lt(own).bits() | same).count_ones() as usize;
+            }
+        }
+        let is_left = usize::from(place < left);
+        let item = items[i];
+        let own = item.bounds.load(simd);
+        let centre = H::centre4(simd, own);
+        for side in 0..2 {
+            let beside = simd.from8(&BESIDE[if side == 0 { is_left } else { 1 - is_left }]);
+            bounds[side] = H::union::<S>(H::unless::<S>(own, beside), bounds[side]);
+            centres[side] = (centre + beside).min(centres[side]);
+        }
+        items[i] = items[middle];
+        items[middle] = item;
+        middle += is_left;
+    }
+    debug_assert!(middle == left && middle > 0 && middle < items.len());
+    let extent = |side: usize| Extent::around::<S>(bounds[side], centres[side]);
+    Halves {
+        middle,
+        extents: [extent(0), extent(1)],
+    }
 }

@@ -4,7 +4,9 @@ use std::arch::x86_64::*;
 use std::ops::{Add, BitAnd, BitOr, Mul, Neg, Sub};
 
 use super::avx2_apart;
-use super::eight::{BIT, F256, M256, all8, bytes_in_turns, bytes8, from8, outward8};
+use super::eight::{
+    BIT, F256, M256, all8, bytes_in_turns, bytes8, from8, halves_swapped, outward8, transposed,
+};
 use super::rows::{expect_lattice, long_rows, rows};
 use crate::{Float, Mask, Part, Simd, scalar};
 
@@ -200,6 +202,14 @@ impl Simd for Avx2 {
     #[inline(always)]
     fn from8(self, x: &[f32; 8]) -> F256 {
         from8(x)
+    }
+    #[inline(always)]
+    fn halves_swapped(self, x: F256) -> F256 {
+        halves_swapped(x)
+    }
+    #[inline(always)]
+    fn transposed(self, x: [F256; 8]) -> [F256; 8] {
+        transposed(x)
     }
     #[inline(always)]
     fn bytes8(self, x: &[u8; 8]) -> F256 {

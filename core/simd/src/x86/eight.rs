@@ -103,6 +103,42 @@ pub(super) fn from8(x: &[f32; 8]) -> F256 {
 }
 
 #[inline(always)]
+pub(super) fn halves_swapped(x: F256) -> F256 {
+    x86!(F256(_mm256_permute2f128_ps::<1>(x.0, x.0)))
+}
+
+#[inline(always)]
+pub(super) fn transposed([a, b, c, d, e, f, g, h]: [F256; 8]) -> [F256; 8] {
+    let [a, b, c, d] = fours_transposed([a, b, c, d]);
+    let [e, f, g, h] = fours_transposed([e, f, g, h]);
+    x86!([
+        F256(_mm256_permute2f128_ps::<0x20>(a.0, e.0)),
+        F256(_mm256_permute2f128_ps::<0x20>(b.0, f.0)),
+        F256(_mm256_permute2f128_ps::<0x20>(c.0, g.0)),
+        F256(_mm256_permute2f128_ps::<0x20>(d.0, h.0)),
+        F256(_mm256_permute2f128_ps::<0x31>(a.0, e.0)),
+        F256(_mm256_permute2f128_ps::<0x31>(b.0, f.0)),
+        F256(_mm256_permute2f128_ps::<0x31>(c.0, g.0)),
+        F256(_mm256_permute2f128_ps::<0x31>(d.0, h.0)),
+    ])
+}
+
+/// The same for 4 vectors, in each half by itself.
+#[inline(always)]
+fn fours_transposed([a, b, c, d]: [F256; 4]) -> [F256; 4] {
+    x86!({
+        let (ab, cd) = (_mm256_unpacklo_ps(a.0, b.0), _mm256_unpacklo_ps(c.0, d.0));
+        let (ef, gh) = (_mm256_unpackhi_ps(a.0, b.0), _mm256_unpackhi_ps(c.0, d.0));
+        [
+            F256(_mm256_shuffle_ps::<0b01_00_01_00>(ab, cd)),
+            F256(_mm256_shuffle_ps::<0b11_10_11_10>(ab, cd)),
+            F256(_mm256_shuffle_ps::<0b01_00_01_00>(ef, gh)),
+            F256(_mm256_shuffle_ps::<0b11_10_11_10>(ef, gh)),
+        ]
+    })
+}
+
+#[inline(always)]
 pub(super) fn bytes8(x: &[u8; 8]) -> F256 {
     x86!({
         let bytes = _mm_loadl_epi64(x.as_ptr().cast());

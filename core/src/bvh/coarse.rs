@@ -1,0 +1,331 @@
+//! The first splits of many items: over the cells of a regular grid, so that items are read three times in all rather
+//! than twice a level.
+//!
+//! Cells hold a few items each, by their centres, and know what these extend over, exactly. Ranges of cells are split like
+//! ranges of items, as long as there are so many cells that planes between them are as good as those
+//! between items; after Pantaleoni and Luebke, "HLBVH: Hierarchical LBVH Construction for Real-Time Ray Tracing of Dynamic
+//! Geometry", HPG 2010, and Garanzha, Pantaleoni, McAllister, "Simpler and Faster HLBVH with Work Queues", HPG 2011.
+
+use hdtrapeze_simd::{Float, Kernel, Level, Simd};
+use rayon::prelude::*;
+
+use super::build::PARALLEL_ITEMS;
+use super::sorted::{Hull, Sorted};
+use super::split::{Extent, Halves, Piece, Places, split_pieces};
+
+/// Fewer items are split one by one.
+pub const COARSE_ITEMS: usize = 4 * PARALLEL_ITEMS;
+/// Items of a cell on average, where they fill the grid.
+const CELL_ITEMS: usize = 16;
+/// Cells at most: along one axis, numbers of so many are exact.
+const MOST_CELLS: usize = 1 << 22;
+/// Ranges of fewer cells are split by items.
+const LEAST_CELLS: usize = 64;
+/// Splits below each other, at most.
+const DEPTH: usize = 32;
+
+/// A split that is known before its range is reached, and those below it.
+pub struct Known<H> {
+    /// Items on both sides.
+    pub halves: Halves<H>,
+    /// Splits of the sides.
+    pub below: [Option<Box<Known<H>>>; 2],
+}
+
+/// Items in the order of their splits.
+pub struct Coarse<H> {
+    /// All of them.
+    pub items: Vec<Sorted<H>>,
+    /// What they extend over.
+    pub extent: Extent<H>,
+    /// The first split, unless all lie in a few cells.
+    pub known: Option<Box<Known<H>>>,
+}
+
+/// Items of a cell: a range of an array.
+#[derive(Clone, Copy)]
+struct Cell<H> {
+    extent: Extent<H>,
+    first: u32,
+    count: u32,
+}
+
+impl<H: Hull> Piece<H> for Cell<H> {
+    #[inline(always)]
+    fn bounds(&self) -> &H {
+        &self.extent.bounds
+    }
+    #[inline(always)]
+    fn centres<S: Simd>(&self, simd: S) -> S::F8 {
+        self.extent.centres(simd)
+    }
+    #[inline(always)]
+    fn place<S: Simd>(&self, simd: S) -> S::F8 {
+        let centres = self.extent.centres(simd);
+        (centres - simd.halves_swapped(centres)) * simd.all8(0.5)
+    }
+    #[inline(always)]
+    fn count(&self) -> u32 {
+        self.count
+    }
+}
+
+/// Items in chunks of up to [`PARALLEL_ITEMS`]. An item is known by the number of its chunk and, in the last
+/// [`CHUNK_BITS`], its place there.
+struct Chunks<'a, H>(Vec<&'a [Sorted<H>]>);
+
+const CHUNK_BITS: u32 = PARALLEL_ITEMS.ilog2();
+const _: () = assert!(PARALLEL_ITEMS.is_power_of_two());
+
+impl<'a, H: Hull> Chunks<'a, H> {
+    #[inline(always)]
+    fn item(&self, number: u32) -> &'a Sorted<H> {
+        &self.0[(number >> CHUNK_BITS) as usize][number as usize % PARALLEL_ITEMS]
+    }
+
+    fn len(&self) -> usize {
+        self.0.iter().map(|chunk| chunk.len()).sum()
+    }
+}
+
+/// True where there are numbers for all items of these parts.
+pub fn numbered<H>(parts: &[Vec<Sorted<H>>]) -> bool {
+    let chunks = parts.iter().map(|part| part.len().div_ceil(PARALLEL_ITEMS));
+    chunks.sum::<usize>() <= (u32::MAX >> CHUNK_BITS) as usize
+}
+
+/// Splits items, which are given in parts, as far as cells are good for.
+pub fn coarse<H: Hull>(level: Level, parts: &[Vec<Sorted<H>>]) -> Coarse<H> {
+    let chunks = parts.iter().flat_map(|part| part.chunks(PARALLEL_ITEMS));
+    let chunks = Chunks(chunks.collect());
+    let extent = Extent::of_all(level, &chunks.0);
+    let (numbers, count) = cells_of(level, &chunks, &extent);
+    // Where the items of each cell begin, and items by cell.
+    let mut starts = vec![0u32; count + 1];
+    for &number in numbers.iter().flatten() {
+        starts[number as usize + 1] += 1;
+    }
+    for i in 0..count {
+        starts[i + 1] += starts[i];
+    }
+    let mut order = vec![0u32; chunks.len()];
+    let mut next = starts.clone();
+    for (chunk, numbers) in (0u32..).zip(&numbers) {
+        for (i, &number) in (chunk << CHUNK_BITS..).zip(numbers) {
+            let at = &mut next[number as usize];
+            order[*at as usize] = i;
+            *at += 1;
+        }
+    }
+    drop((numbers, next));
+    let filled = starts.par_windows(2).filter(|ends| ends[0] < ends[1]);
+    let mut cells: Vec<Cell<H>> = filled
+        .map(|ends| Cell {
+            extent: level.run(Gathered {
+                chunks: &chunks,
+                order: &order[ends[0] as usize..ends[1] as usize],
+            }),
+            first: ends[0],
+            count: ends[1] - ends[0],
+        })
+        .collect();
+    let known = divide(level, &mut cells, &extent, 0);
+    let mut sorted = Vec::with_capacity(order.len());
+    for cell in &cells {
+        sorted.extend_from_slice(&order[cell.first as usize..][..cell.count as usize]);
+    }
+    Coarse {
+        items: sorted.par_iter().map(|&i| *chunks.item(i)).collect(),
+        extent,
+        known,
+    }
+}
+
+/// The cell of each item, by chunk, and the number of cells.
+fn cells_of<H: Hull>(
+    level: Level,
+    chunks: &Chunks<'_, H>,
+    extent: &Extent<H>,
+) -> (Vec<Vec<u32>>, usize) {
+    let spans = extent.spans();
+    let mut along = [1usize; 3];
+    let most = (chunks.len() / CELL_ITEMS).min(MOST_CELLS);
+    while along.iter().product::<usize>() < most {
+        // Cells become cubes.
+        let size = |a: usize| spans[a] / along[a] as f32;
+        let longest = (1..3).fold(0, |a, b| if size(b) > size(a) { b } else { a });
+        along[longest] *= 2;
+    }
+    let places = Places::new(extent, along);
+    let number = |items: &&[Sorted<H>]| {
+        level.run(Number {
+            items,
+            places: &places,
+            along,
+        })
+    };
+    let numbers = chunks.0.par_iter().map(number).collect();
+    (numbers, along.iter().product())
+}
+
+struct Number<'a, H> {
+    items: &'a [Sorted<H>],
+    places: &'a Places,
+    along: [usize; 3],
+}
+
+impl<H: Hull> Kernel for Number<'_, H> {
+    type Output = Vec<u32>;
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> Vec<u32> {
+        let [nx, ny, nz] = self.along;
+        let mut numbers = Vec::with_capacity(self.items.len());
+        for item in self.items {
+            let [x, y, z] = self.places.numbers(simd, item.place(simd));
+            // Whatever rounding does, the cell exists.
+            let [x, y, z] = [x.min(nx - 1), y.min(ny - 1), z.min(nz - 1)];
+            numbers.push(((z * ny + y) * nx + x) as u32);
+        }
+        numbers
+    }
+}
+
+/// What some of the items extend over.
+struct Gathered<'a, H> {
+    chunks: &'a Chunks<'a, H>,
+    order: &'a [u32],
+}
+
+impl<H: Hull> Kernel for Gathered<'_, H> {
+    type Output = Extent<H>;
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> Extent<H> {
+        let mut bounds = H::EMPTY.load(simd);
+        let mut centres = simd.all8(f32::INFINITY);
+        for &i in self.order {
+            let item = self.chunks.item(i);
+            bounds = H::union::<S>(item.bounds.load(simd), bounds);
+            centres = item.centres(simd).min(centres);
+        }
+        Extent::around::<S>(bounds, centres)
+    }
+}
+
+fn divide<H: Hull>(
+    level: Level,
+    cells: &mut [Cell<H>],
+    extent: &Extent<H>,
+    depth: usize,
+) -> Option<Box<Known<H>>> {
+    if cells.len() < LEAST_CELLS || depth >= DEPTH {
+        return None;
+    }
+    let (middle, halves) = split_pieces(level, cells, extent)?;
+    let (left, right) = cells.split_at_mut(middle);
+    let [a, b] = &halves.extents;
+    let below = rayon::join(
+        || divide(level, left, a, depth + 1),
+        || divide(level, right, b, depth + 1),
+    );
+    Some(Box::new(Known {
+        halves,
+        below: below.into(),
+    }))
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::super::LinearBox;
+    use super::super::build::Item;
+    use super::super::sorted::{LinearHull, StaticHull};
+    use super::*;
+
+    /// A number between 0 and 1 for each item and each `k`.
+    fn number(i: u32, k: u32) -> f32 {
+        (i.wrapping_mul(2 * k + 1).wrapping_mul(2_654_435_761) >> 8) as f32 / (1 << 24) as f32
+    }
+
+    /// Small boxes that move, in a slab, in parts of all lengths.
+    fn parts<H: Hull>(count: u32, slab: Vec3) -> Vec<Vec<Sorted<H>>> {
+        let item = |id: u32| {
+            let at = |k: u32| Vec3::new(number(id, k), number(id, k + 1), number(id, k + 2));
+            let (lo0, lo1) = (at(11) * slab, at(11) * slab + at(23) * 0.1);
+            let bounds = LinearBox {
+                lo0,
+                hi0: lo0 + at(31) * 0.01,
+                lo1,
+                hi1: lo1 + at(41) * 0.01,
+            };
+            Sorted::of(&Item {
+                bounds,
+                id,
+                along: Vec3::ZERO,
+            })
+        };
+        let items: Vec<Sorted<H>> = (0..count).map(item).collect();
+        let (few, many) = items.split_at(7);
+        let (many, most) = many.split_at(PARALLEL_ITEMS);
+        vec![few.to_vec(), Vec::new(), many.to_vec(), most.to_vec()]
+    }
+
+    /// Each side extends over its items, no more and no less; returns the splits.
+    fn check<H: Hull>(items: &[Sorted<H>], known: &Known<H>) -> usize {
+        let middle = known.halves.middle;
+        assert!(middle > 0 && middle < items.len());
+        let (left, right) = items.split_at(middle);
+        let mut splits = 1;
+        for (side, items) in [left, right].into_iter().enumerate() {
+            let (found, want) = (
+                &known.halves.extents[side],
+                Extent::of(Level::SCALAR, items),
+            );
+            let bits = |e: &Extent<H>| {
+                let boxes = H::boxes(hdtrapeze_simd::Scalar, [&e.bounds; 8]).to_boxes();
+                let centres = e.centres(hdtrapeze_simd::Scalar).to_array();
+                (boxes[0], centres.map(f32::to_bits))
+            };
+            assert_eq!(bits(found), bits(&want));
+            if let Some(known) = &known.below[side] {
+                splits += check(items, known);
+            }
+        }
+        splits
+    }
+
+    fn keeps<H: Hull>(slab: Vec3) {
+        let count = 3 * COARSE_ITEMS as u32 + 5;
+        for level in Level::available() {
+            let coarse = coarse(level, &parts::<H>(count, slab));
+            let known = coarse.known.expect("many cells");
+            let splits = check(&coarse.items, &known);
+            assert!(splits > 10, "{splits}");
+            let mut ids: Vec<u32> = coarse.items.iter().map(Sorted::id).collect();
+            ids.sort_unstable();
+            assert!(ids.into_iter().eq(0..count));
+        }
+    }
+
+    #[test]
+    fn sides_extend_over_their_items() {
+        for slab in [Vec3::ONE, Vec3::new(3.0, 1e-3, 1.0), Vec3::X] {
+            keeps::<StaticHull>(slab);
+            keeps::<LinearHull>(slab);
+        }
+    }
+
+    #[test]
+    fn what_lies_in_one_cell_is_not_split() {
+        let same = |parts: Vec<Vec<Sorted<StaticHull>>>| {
+            let one = parts[0][0];
+            parts
+                .into_iter()
+                .map(|part| vec![one; part.len()])
+                .collect::<Vec<_>>()
+        };
+        let parts = same(parts(COARSE_ITEMS as u32, Vec3::ONE));
+        let coarse = coarse(Level::best(), &parts);
+        assert!(coarse.known.is_none() && coarse.items.len() == COARSE_ITEMS);
+    }
+}

@@ -1,0 +1,192 @@
+//! A frame for a range of parts of strands, and what it would leave of their boxes, without a look at vertices: from
+//! directions and boxes alone, 8 items at once.
+
+use glam::Vec3;
+use hdtrapeze_simd::{Float, Kernel, Mask, Simd};
+
+use super::Frame;
+use super::sorted::{Hull, Sorted};
+
+/// Ranges with a smaller mean cosine of the angle to the mean direction are not turned.
+const LEAST_COSINE: f32 = 0.8;
+/// How wide a strand is along two axes at right angles to it, each, in units of the sum of its widths along the axes of
+/// space: from 0.29 to 0.5 at most times. In fur, areas that are guessed with it are 0.8 to 1 of those that are found.
+const WIDTH: f32 = 0.4;
+
+/// A frame that may suit a range.
+pub struct Guess {
+    /// Along the mean direction of strands, and the direction in which they differ most.
+    pub frame: Frame,
+    /// Areas of boxes as they are.
+    pub before: f32,
+    /// About those in the frame, rather less.
+    pub after: f32,
+}
+
+/// Finds it; none where an item has no direction, or directions differ too much.
+pub struct Guessed<'a, H>(pub &'a [Sorted<H>]);
+
+impl<H: Hull> Kernel for Guessed<'_, H> {
+    type Output = Option<Guess>;
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> Option<Guess> {
+        let items = self.0;
+        let way = way(simd, items)?;
+        let (mean, lengths) = mean(simd, items, way);
+        // Written so that NaN fails.
+        let coherent = mean.length() > LEAST_COSINE * lengths;
+        if !coherent {
+            return None;
+        }
+        let axis = mean.try_normalize()?;
+        let frame = Frame::from_edges(axis, farthest(simd, items, axis))?;
+        let (before, after) = areas(simd, items, &frame);
+        Some(Guess {
+            frame,
+            before,
+            after,
+        })
+    }
+}
+
+/// More or less along all strands. Strands have no sense: sums of products of coordinates do not change where one is turned
+/// round. Their matrix, applied to the axis of space that strands follow most, tells the way.
+#[inline(always)]
+fn way<S: Simd, H: Hull>(simd: S, items: &[Sorted<H>]) -> Option<Vec3> {
+    let zero = simd.all8(0.0);
+    let mut sums = [zero; 6];
+    let mut none = 0;
+    for part in items.chunks(8) {
+        let [x, y, z] = directions(simd, part);
+        let own = [x * x, y * y, z * z, x * y, y * z, z * x];
+        for (sum, own) in sums.iter_mut().zip(own) {
+            *sum = *sum + own;
+        }
+        let there = (1 << part.len()) - 1;
+        none |= (own[0] + own[1] + own[2]).le(zero).bits() & there;
+    }
+    if none != 0 {
+        return None;
+    }
+    let (xx, yy, zz) = (total(sums[0]), total(sums[1]), total(sums[2]));
+    let (xy, yz, zx) = (total(sums[3]), total(sums[4]), total(sums[5]));
+    Some(if xx >= yy && xx >= zz {
+        Vec3::new(xx, xy, zx)
+    } else if yy >= zz {
+        Vec3::new(xy, yy, yz)
+    } else {
+        Vec3::new(zx, yz, zz)
+    })
+}
+
+/// The sum of directions, those that point the other way turned round, and that of their lengths.
+#[inline(always)]
+fn mean<S: Simd, H: Hull>(simd: S, items: &[Sorted<H>], way: Vec3) -> (Vec3, f32) {
+    let zero = simd.all8(0.0);
+    let way = copies(simd, way);
+    let (mut sum, mut lengths) = ([zero; 3], zero);
+    for part in items.chunks(8) {
+        let d = directions(simd, part);
+        let back = dot(d, way).lt(zero);
+        for axis in 0..3 {
+            sum[axis] = sum[axis] + (-d[axis]).or(back, d[axis]);
+        }
+        let mut own = dot(d, d).to_array();
+        for length in &mut own {
+            *length = length.sqrt();
+        }
+        lengths = lengths + simd.from8(&own);
+    }
+    let sum = Vec3::new(total(sum[0]), total(sum[1]), total(sum[2]));
+    (sum, total(lengths))
+}
+
+/// What the direction that differs most from an axis has beside it.
+#[inline(always)]
+fn farthest<S: Simd, H: Hull>(simd: S, items: &[Sorted<H>], axis: Vec3) -> Vec3 {
+    let axis = copies(simd, axis);
+    let (mut most, mut beside) = (simd.all8(-1.0), [simd.all8(0.0); 3]);
+    for part in items.chunks(8) {
+        let d = directions(simd, part);
+        let along = dot(d, axis);
+        let off = [
+            d[0] - axis[0] * along,
+            d[1] - axis[1] * along,
+            d[2] - axis[2] * along,
+        ];
+        let own = dot(off, off);
+        let farther = most.lt(own);
+        most = own.or(farther, most);
+        for axis in 0..3 {
+            beside[axis] = off[axis].or(farther, beside[axis]);
+        }
+    }
+    let most = most.to_array();
+    let lane = (0..8).fold(0, |a, b| if most[b] > most[a] { b } else { a });
+    let [x, y, z] = beside;
+    Vec3::new(x.to_array()[lane], y.to_array()[lane], z.to_array()[lane])
+}
+
+/// Areas of the boxes of items, as they are and about as they would be in a frame whose first axis is along them.
+#[inline(always)]
+fn areas<S: Simd, H: Hull>(simd: S, items: &[Sorted<H>], frame: &Frame) -> (f32, f32) {
+    let zero = simd.all8(0.0);
+    let [x, y, z] = frame.axes;
+    let axes = [copies(simd, x), copies(simd, y), copies(simd, z)];
+    let (mut before, mut after) = (0.0, zero);
+    for part in items.chunks(8) {
+        let d = directions(simd, part);
+        let mut extents = [[0.0; 8]; 3];
+        for (lane, item) in part.iter().enumerate() {
+            let bounds = item.bounds.load(simd);
+            before += H::area(simd, bounds);
+            let own = H::extents(simd, bounds).to_array();
+            for axis in 0..3 {
+                extents[axis][lane % 8] = own[axis];
+            }
+        }
+        // Along an axis, a box is as large as the strand is wide there, and as it goes far.
+        let mut width = zero;
+        for axis in 0..3 {
+            width = width + (simd.from8(&extents[axis]) - d[axis].abs()).max(zero);
+        }
+        let width = width * simd.all8(WIDTH);
+        let e = [
+            dot(d, axes[0]).abs(),
+            dot(d, axes[1]).abs() + width,
+            dot(d, axes[2]).abs() + width,
+        ];
+        after = after + e[0] * e[1] + e[1] * e[2] + e[2] * e[0];
+    }
+    (before, total(after))
+}
+
+/// Directions of up to 8 items; zero in lanes that are left.
+#[inline(always)]
+fn directions<S: Simd, H: Hull>(simd: S, items: &[Sorted<H>]) -> [S::F8; 3] {
+    let mut all = [[0.0; 8]; 3];
+    for (lane, item) in items.iter().enumerate() {
+        let along = item.along();
+        for axis in 0..3 {
+            all[axis][lane % 8] = along[axis];
+        }
+    }
+    let [x, y, z] = &all;
+    [simd.from8(x), simd.from8(y), simd.from8(z)]
+}
+
+#[inline(always)]
+fn copies<S: Simd>(simd: S, v: Vec3) -> [S::F8; 3] {
+    [simd.all8(v.x), simd.all8(v.y), simd.all8(v.z)]
+}
+
+#[inline(always)]
+fn dot<F: Float<8>>(a: [F; 3], b: [F; 3]) -> F {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+#[inline(always)]
+fn total<F: Float<8>>(x: F) -> f32 {
+    let [a, b, c, d, e, f, g, h] = x.to_array();
+    ((a + b) + (c + d)) + ((e + f) + (g + h))
+}
