@@ -31,16 +31,17 @@ impl<H: Hull> Kernel for Guessed<'_, H> {
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) -> Option<Guess> {
         let items = self.0;
-        let way = way(simd, items)?;
-        let (mean, lengths) = mean(simd, items, way);
+        let directions = directions(items);
+        let way = way(simd, &directions, items.len())?;
+        let (mean, lengths) = mean(simd, &directions, way);
         // Written so that NaN fails.
         let coherent = mean.length() > LEAST_COSINE * lengths;
         if !coherent {
             return None;
         }
         let axis = mean.try_normalize()?;
-        let frame = Frame::from_edges(axis, farthest(simd, items, axis))?;
-        let (before, after) = areas(simd, items, &frame);
+        let frame = Frame::from_edges(axis, farthest(simd, &directions, axis))?;
+        let (before, after) = areas(simd, items, &directions, &frame);
         Some(Guess {
             frame,
             before,
@@ -52,17 +53,17 @@ impl<H: Hull> Kernel for Guessed<'_, H> {
 /// More or less along all strands. Strands have no sense: sums of products of coordinates do not change where one is turned
 /// round. Their matrix, applied to the axis of space that strands follow most, tells the way.
 #[inline(always)]
-fn way<S: Simd, H: Hull>(simd: S, items: &[Sorted<H>]) -> Option<Vec3> {
+fn way<S: Simd>(simd: S, directions: &[Eight], count: usize) -> Option<Vec3> {
     let zero = simd.all8(0.0);
     let mut sums = [zero; 6];
     let mut none = 0;
-    for part in items.chunks(8) {
-        let [x, y, z] = directions(simd, part);
+    for (number, part) in directions.iter().enumerate() {
+        let [x, y, z] = load(simd, part);
         let own = [x * x, y * y, z * z, x * y, y * z, z * x];
         for (sum, own) in sums.iter_mut().zip(own) {
             *sum = *sum + own;
         }
-        let there = (1 << part.len()) - 1;
+        let there = (1 << (count - 8 * number).min(8)) - 1;
         none |= (own[0] + own[1] + own[2]).le(zero).bits() & there;
     }
     if none != 0 {
@@ -81,12 +82,12 @@ fn way<S: Simd, H: Hull>(simd: S, items: &[Sorted<H>]) -> Option<Vec3> {
 
 /// The sum of directions, those that point the other way turned round, and that of their lengths.
 #[inline(always)]
-fn mean<S: Simd, H: Hull>(simd: S, items: &[Sorted<H>], way: Vec3) -> (Vec3, f32) {
+fn mean<S: Simd>(simd: S, directions: &[Eight], way: Vec3) -> (Vec3, f32) {
     let zero = simd.all8(0.0);
     let way = copies(simd, way);
     let (mut sum, mut lengths) = ([zero; 3], zero);
-    for part in items.chunks(8) {
-        let d = directions(simd, part);
+    for part in directions {
+        let d = load(simd, part);
         let back = dot(d, way).lt(zero);
         for axis in 0..3 {
             sum[axis] = sum[axis] + (-d[axis]).or(back, d[axis]);
@@ -103,11 +104,11 @@ fn mean<S: Simd, H: Hull>(simd: S, items: &[Sorted<H>], way: Vec3) -> (Vec3, f32
 
 /// What the direction that differs most from an axis has beside it.
 #[inline(always)]
-fn farthest<S: Simd, H: Hull>(simd: S, items: &[Sorted<H>], axis: Vec3) -> Vec3 {
+fn farthest<S: Simd>(simd: S, directions: &[Eight], axis: Vec3) -> Vec3 {
     let axis = copies(simd, axis);
     let (mut most, mut beside) = (simd.all8(-1.0), [simd.all8(0.0); 3]);
-    for part in items.chunks(8) {
-        let d = directions(simd, part);
+    for part in directions {
+        let d = load(simd, part);
         let along = dot(d, axis);
         let off = [
             d[0] - axis[0] * along,
@@ -129,13 +130,18 @@ fn farthest<S: Simd, H: Hull>(simd: S, items: &[Sorted<H>], axis: Vec3) -> Vec3 
 
 /// Areas of the boxes of items, as they are and about as they would be in a frame whose first axis is along them.
 #[inline(always)]
-fn areas<S: Simd, H: Hull>(simd: S, items: &[Sorted<H>], frame: &Frame) -> (f32, f32) {
+fn areas<S: Simd, H: Hull>(
+    simd: S,
+    items: &[Sorted<H>],
+    directions: &[Eight],
+    frame: &Frame,
+) -> (f32, f32) {
     let zero = simd.all8(0.0);
     let [x, y, z] = frame.axes;
     let axes = [copies(simd, x), copies(simd, y), copies(simd, z)];
     let (mut before, mut after) = (0.0, zero);
-    for part in items.chunks(8) {
-        let d = directions(simd, part);
+    for (part, d) in items.chunks(8).zip(directions) {
+        let d = load(simd, d);
         let mut extents = [[0.0; 8]; 3];
         for (lane, item) in part.iter().enumerate() {
             let bounds = item.bounds.load(simd);
@@ -161,17 +167,28 @@ fn areas<S: Simd, H: Hull>(simd: S, items: &[Sorted<H>], frame: &Frame) -> (f32,
     (before, total(after))
 }
 
-/// Directions of up to 8 items; zero in lanes that are left.
+/// Directions of 8 items, by axis.
+type Eight = [[f32; 8]; 3];
+
+/// Directions of items, 8 at a time; zero in lanes that are left.
 #[inline(always)]
-fn directions<S: Simd, H: Hull>(simd: S, items: &[Sorted<H>]) -> [S::F8; 3] {
-    let mut all = [[0.0; 8]; 3];
-    for (lane, item) in items.iter().enumerate() {
-        let along = item.along();
-        for axis in 0..3 {
-            all[axis][lane % 8] = along[axis];
+fn directions<H: Hull>(items: &[Sorted<H>]) -> Vec<Eight> {
+    let mut all = Vec::with_capacity(items.len().div_ceil(8));
+    for part in items.chunks(8) {
+        let mut eight = Eight::default();
+        for (lane, item) in part.iter().enumerate() {
+            let along = item.along();
+            for axis in 0..3 {
+                eight[axis][lane % 8] = along[axis];
+            }
         }
+        all.push(eight);
     }
-    let [x, y, z] = &all;
+    all
+}
+
+#[inline(always)]
+fn load<S: Simd>(simd: S, [x, y, z]: &Eight) -> [S::F8; 3] {
     [simd.from8(x), simd.from8(y), simd.from8(z)]
 }
 
