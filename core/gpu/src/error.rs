@@ -38,7 +38,15 @@ pub enum GpuError {
         /// Bytes that are needed.
         bytes: u64,
     },
-    /// There is no memory on the host.
+    /// The host has none left.
+    #[error("there is no memory for {bytes} bytes of {what} on their way to the GPU")]
+    HostMemory {
+        /// Which part of the scene.
+        what: &'static str,
+        /// Bytes that are needed.
+        bytes: usize,
+    },
+    /// There is no memory for a world on the host.
     #[error(transparent)]
     Host(#[from] WorldError),
     /// What this backend cannot trace.

@@ -196,9 +196,11 @@ impl GpuFrame {
                     FirstOnDevice::Film => prepared.shaded_here().map_or(Ok(None), Err),
                     _ => match GpuLooks::new(device, &scene, &camera, prepared) {
                         Err(GpuError::Unsupported(why)) => Err(why),
-                        Err(error @ (GpuError::TooLarge { .. } | GpuError::OutOfMemory { .. })) => {
-                            Err(error.to_string())
-                        }
+                        Err(
+                            error @ (GpuError::TooLarge { .. }
+                            | GpuError::OutOfMemory { .. }
+                            | GpuError::HostMemory { .. }),
+                        ) => Err(error.to_string()),
                         made => Ok(Some(made?)),
                     },
                 };

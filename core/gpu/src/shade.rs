@@ -513,7 +513,13 @@ impl Paints {
         let place = u32::try_from(self.words.len());
         let place = place
             .map_err(|_| GpuError::Unsupported("2^32 numbers of colours and normals".to_owned()))?;
-        self.words.extend_from_slice(&words());
+        let words = words();
+        let reserved = self.words.try_reserve(words.len());
+        reserved.map_err(|_| GpuError::HostMemory {
+            what: "colours and normals",
+            bytes: size_of_val(self.words.as_slice()) + size_of_val(&*words),
+        })?;
+        self.words.extend_from_slice(&words);
         self.known.insert(what, place);
         Ok(place)
     }

@@ -129,7 +129,7 @@ pub fn run(
         let [uploaded, beside, used] =
             [uploaded, beside, used].map(|b| b as f64 / f64::from(1 << 20));
         say!(
-            "vertices: {uploaded:.0} MiB uploaded early, {beside:.0} before all was diced, {used:.0} used"
+            "vertices, in chunks of 4 MiB and more: {uploaded:.0} MiB uploaded early, {beside:.0} before all was diced, {used:.0} used"
         );
     }
     drop(early);
