@@ -4,7 +4,8 @@
 //! it owns the scene and the render thread), then for moments `ahead`, `edits` or the status. Readers take
 //! the status only, so they never wait for a commit.
 
-use std::fmt::Display;
+mod gpu;
+
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
@@ -19,7 +20,7 @@ use hdtrapeze_core::render::{
     Elsewhere, Frame, Prepared, RayTracer, RenderControl, RenderStatistics, Watcher, WorldHit,
     WorldRay, prepare_with, render_with,
 };
-use hdtrapeze_core::scene::{Backend, PrimId, RenderSettings, Scene};
+use hdtrapeze_core::scene::{PrimId, RenderSettings, Scene};
 use hdtrapeze_core::surface::SubdivisionFactory;
 use hdtrapeze_gpu::{EarlyBytes, EarlyVertices, GpuFrame};
 use tracing::Level;
@@ -27,7 +28,6 @@ use tracing::dispatcher::with_default;
 
 use crate::ahead::Ahead;
 use crate::aov::AovShape;
-use crate::backend;
 use crate::edit::{Change, Edit, EditQueue, Edits, Kind, apply};
 use crate::engine::{
     MISS, NO_RAY, current_statistics, is_traceable, new_frame, prepare_error, prepare_statistics,
@@ -43,9 +43,7 @@ use crate::product::RenderVar;
 use crate::progress::{Progress, State, Statistics};
 use crate::status::{Committed, Rendered, Shared, lock};
 use crate::translate::{self, AuthoredTopology};
-
-/// What is told where the AOV cost is asked of a GPU.
-const NO_COST: &str = "the AOV cost is 0 where a GPU traces, since none counts what it tests";
+use gpu::early_vertices;
 
 /// See the module. Every method may be called from any thread.
 ///
@@ -616,68 +614,6 @@ impl Session {
         Ok(committed)
     }
 
-    /// What is prepared, on a GPU where one is asked for, and what renders and why; `before` is what it replaces, `early`
-    /// what is there already. A scene that a GPU does not take is rendered on the CPU.
-    fn upload(
-        &self,
-        prepared: &Prepared,
-        before: Option<Arc<GpuFrame>>,
-        early: Option<&EarlyVertices>,
-    ) -> Result<(Option<Arc<GpuFrame>>, String), Error> {
-        let asked = prepared.settings().backend;
-        self.tell_auto(asked);
-        let stages = match backend::open(asked) {
-            Ok(Some(stages)) => stages,
-            Ok(None) => return Ok((None, backend::cpu(asked))),
-            // It was there when it was chosen.
-            Err(error) if asked == Backend::AutoGpu => return Ok(self.falls_back(&error)),
-            Err(error) => return Err(error),
-        };
-        let options = backend::gpu_options()?;
-        // Nobody else renders it any more. It keeps the way it was taken there.
-        let before = before.and_then(Arc::into_inner);
-        let before = before.filter(|gpu| gpu.is_of(&stages, &options));
-        let upload = || match before {
-            Some(before) => before.after_early(prepared, early),
-            None => GpuFrame::with_early(options, stages, prepared, early),
-        };
-        match self.shared.guard(upload)? {
-            Ok(gpu) => {
-                let mut told = gpu.explain();
-                if prepared.aovs().contains(&Aov::Cost) {
-                    self.warn(&[Warning::new("", Code::Unsupported, NO_COST)]);
-                    told = format!("{told}; {NO_COST}");
-                }
-                if let Some(auto) = backend::auto_of(asked) {
-                    told = format!("{told} (auto: {})", auto.why);
-                }
-                Ok((Some(Arc::new(gpu)), told))
-            }
-            Err(error) => Ok(self.falls_back(&error)),
-        }
-    }
-
-    /// Tells that the CPU renders what a GPU was to, and why.
-    fn falls_back(&self, why: &dyn Display) -> (Option<Arc<GpuFrame>>, String) {
-        let text = format!("{why}; the CPU renders");
-        self.warn(&[Warning::new("", Code::Backend, text)]);
-        (None, backend::cpu_since(&why.to_string()))
-    }
-
-    /// Tells what the backend auto is where a GPU was tried for it: once a process, as a warning where the trial has just failed.
-    fn tell_auto(&self, asked: Backend) {
-        static TOLD: AtomicBool = AtomicBool::new(false);
-        let Some(auto) = backend::auto_of(asked).filter(|auto| auto.tried) else {
-            return;
-        };
-        if !TOLD.swap(true, Ordering::Relaxed) {
-            self.with_log(|| match auto.fails {
-                true => tracing::warn!("the backend auto is {auto}"),
-                false => tracing::info!("the backend auto is {auto}"),
-            });
-        }
-    }
-
     /// Starts the render thread.
     fn launch(
         &self,
@@ -737,13 +673,6 @@ impl Drop for Session {
         let mut work = std::mem::take(&mut *lock(&self.work));
         self.stop(&mut work);
     }
-}
-
-/// Takes vertices to the GPU as they are diced, where one is to render with these settings.
-fn early_vertices(settings: &RenderSettings) -> Option<EarlyVertices> {
-    // What is wrong with it is told once the scene is to go there.
-    let stages = backend::open(settings.backend).ok()??;
-    EarlyVertices::for_frame(&stages, &backend::gpu_options().ok()?)
 }
 
 /// The render thread.

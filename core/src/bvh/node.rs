@@ -12,8 +12,6 @@
 //! **A slab test** multiplies out `(plane(time) - o) / d`: what depends on the ray and the node, but not
 //! on the child, is computed once, and a plane costs one product and one sum an end.
 
-use std::marker::PhantomData;
-
 use glam::DVec3;
 use hdtrapeze_simd::{Float, Kernel, Level, Simd};
 
@@ -65,31 +63,25 @@ pub fn magnitude(reach: f64) -> f32 {
 
 /// Packs 1 to 8 boxes, outward.
 pub fn pack<B: Bounds8>(level: Level, boxes: &[LinearBox]) -> B {
-    level.run(Pack(boxes, PhantomData))
+    let mut hulls = [B::Hull::of(&boxes[0]); 8];
+    for (to, own) in hulls.iter_mut().zip(boxes) {
+        *to = B::Hull::of(own);
+    }
+    pack_hulls(level, hulls.each_ref())
 }
 
 /// The same for boxes as the build sorts them, where some may stand in several lanes.
 pub fn pack_hulls<B: Bounds8>(level: Level, hulls: [&B::Hull; 8]) -> B {
-    level.run(PackHulls(hulls))
+    level.run(Pack(hulls))
 }
 
-struct PackHulls<'a, B: Bounds8>([&'a B::Hull; 8]);
-
-impl<B: Bounds8> Kernel for PackHulls<'_, B> {
-    type Output = B;
-    #[inline(always)]
-    fn run<S: Simd>(self, simd: S) -> B {
-        B::pack(simd, &B::Hull::boxes(simd, self.0))
-    }
-}
-
-struct Pack<'a, B>(&'a [LinearBox], PhantomData<B>);
+struct Pack<'a, B: Bounds8>([&'a B::Hull; 8]);
 
 impl<B: Bounds8> Kernel for Pack<'_, B> {
     type Output = B;
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) -> B {
-        B::pack(simd, &Boxes8::of(simd, self.0))
+        B::pack(simd, &B::Hull::boxes(simd, self.0))
     }
 }
 
