@@ -24,30 +24,36 @@ pub struct CellRays {
 pub type CellLanes = [[f32; 4]; 2];
 
 impl CellRays {
-    /// Prepares the rays `sound`, of which there is one or more.
+    /// Nothing.
+    pub const NONE: CellRays = CellRays {
+        like: [0; PACKET],
+        z_axis: [0; PACKET],
+        key: [0; PACKET],
+        fraction: [[0.0; LANES]; VECTORS],
+        rays: [[[0.0; 4]; 2]; PACKET],
+    };
+
+    /// Prepares the rays `sound`, of which there is one or more. Of others nothing is said.
     #[inline(always)]
-    pub fn new<S: Simd>(simd: S, rays: &[Rays], sound: u64, key_times: &[f32]) -> Self {
-        simd.apart(NewCells {
+    pub fn set<S: Simd>(&mut self, simd: S, rays: &[Rays], sound: u64, key_times: &[f32]) {
+        simd.apart(SetCells {
+            cells: self,
             rays,
             sound,
             key_times,
-        })
+        });
     }
 
     #[inline(always)]
-    fn prepare<S: Simd>(simd: S, rays: &[Rays], sound: u64, key_times: &[f32]) -> Self {
+    fn prepare<S: Simd>(&mut self, simd: S, rays: &[Rays], sound: u64, key_times: &[f32]) {
+        let out = self;
         let mut agree = true;
-        let mut out = Self {
-            like: [sound; PACKET],
-            z_axis: [0; PACKET],
-            key: [0; PACKET],
-            fraction: [[0.0; LANES]; VECTORS],
-            rays: [[[0.0; 4]; 2]; PACKET],
-        };
+        out.like = [sound; PACKET];
+        out.key = [0; PACKET];
         let mut sheared = [Sheared::default(); VECTORS];
         let (v, lane) = split(sound.trailing_zeros() as usize);
         let Some(first) = rays.get(v) else {
-            return out;
+            return;
         };
         let axes = CellRay::axes_of(first.dir_of(lane));
         out.z_axis = [axes[2] as u8; PACKET];
@@ -93,7 +99,6 @@ impl CellRays {
         {
             sheared.lanes(simd, &out.fraction[v], to);
         }
-        out
     }
 
     /// As [`CellRay::axes_of`] and [`axes_with`](super::packet::axes_with) have it, for rays that do not agree.
@@ -223,17 +228,19 @@ impl Sheared {
 }
 
 /// Rays to be prepared for micropolygons.
-struct NewCells<'a> {
+struct SetCells<'a> {
+    cells: &'a mut CellRays,
     rays: &'a [Rays],
     sound: u64,
     key_times: &'a [f32],
 }
 
-impl<S: Simd> Part<S> for NewCells<'_> {
-    type Output = CellRays;
+impl<S: Simd> Part<S> for SetCells<'_> {
+    type Output = ();
     #[inline(always)]
-    fn run(self, simd: S) -> CellRays {
-        CellRays::prepare(simd, self.rays, self.sound, self.key_times)
+    fn run(self, simd: S) {
+        self.cells
+            .prepare(simd, self.rays, self.sound, self.key_times);
     }
 }
 

@@ -6,7 +6,7 @@
 
 use hdtrapeze_simd::{Float, Mask, Part, Simd};
 
-use super::packet::{LANES, PACKET, Ranges, Slabs};
+use super::packet::{All, LANES, PACKET, Ranges, Slabs, VECTORS, part};
 use crate::bvh::Bounds8;
 use crate::bvh::node::Lattice8;
 
@@ -66,14 +66,14 @@ pub fn enter_packet<S: Simd, B: Bounds8>(
     valid: u32,
     slabs: &Slabs,
     lanes: u64,
-    ranges: &Ranges,
+    spans: Spans<'_>,
 ) -> Entered {
     simd.apart(Enter {
         bounds,
         valid,
         slabs,
         lanes,
-        ranges,
+        spans,
     })
 }
 
@@ -82,7 +82,18 @@ struct Enter<'a, B> {
     valid: u32,
     slabs: &'a Slabs,
     lanes: u64,
-    ranges: &'a Ranges,
+    spans: Spans<'a>,
+}
+
+/// Between what each ray looks: `t_min` and `t_max`, and both in turns, the second mirrored.
+#[derive(Clone, Copy)]
+pub struct Spans<'a> {
+    /// In turns.
+    pub pairs: &'a Ranges,
+    /// Where each begins.
+    pub t_min: &'a All,
+    /// Where it ends.
+    pub t_max: &'a All,
 }
 
 impl<S: Simd, B: Bounds8> Part<S> for Enter<'_, B> {
@@ -94,12 +105,15 @@ impl<S: Simd, B: Bounds8> Part<S> for Enter<'_, B> {
             valid,
             slabs,
             lanes,
-            ranges,
+            spans,
         } = self;
         let planes = Planes::new(simd, bounds);
         let uniform = |n: &u64| n & lanes == 0 || n & lanes == lanes;
         let agree = slabs.negative.iter().all(uniform);
-        if agree {
+        let ranges = spans.pairs;
+        if agree && by_child_pays(lanes, valid) {
+            each_child::<S, B>(simd, &planes, valid, slabs, lanes, spans)
+        } else if agree {
             each_of::<S, B, true>(simd, &planes, valid, slabs, lanes, ranges)
         } else {
             each_of::<S, B, false>(simd, &planes, valid, slabs, lanes, ranges)
@@ -191,5 +205,99 @@ fn each_of<S: Simd, B: Bounds8, const AGREE: bool>(
         children: simd.some_bits(entered) & valid,
         rays: simd.bits_of(entered),
         near: nearest.to_array(),
+    }
+}
+
+#[inline(always)]
+fn by_child_pays(lanes: u64, valid: u32) -> bool {
+    let mut vectors = 0;
+    for v in 0..VECTORS {
+        vectors += u32::from(part(lanes, v) != 0);
+    }
+    lanes.count_ones() > valid.count_ones() * vectors
+}
+
+/// One child after the other, each against all rays, which go in the same direction along each axis.
+#[inline(always)]
+fn each_child<S: Simd, B: Bounds8>(
+    simd: S,
+    planes: &Planes<S::F16>,
+    valid: u32,
+    slabs: &Slabs,
+    lanes: u64,
+    spans: Spans<'_>,
+) -> Entered {
+    let zero = simd.all16(0.0);
+    let mut start = [[0.0; LANES]; 3];
+    let mut end = [[0.0; LANES]; 3];
+    for a in 0..3 {
+        let direction = (slabs.negative[a] >> (lanes.trailing_zeros() & 63) & 1) as usize;
+        start[a] = planes.start[a][direction].to_array();
+        if B::MOVING {
+            end[a] = planes.end[a][direction].to_array();
+        }
+    }
+    let infinity = simd.all16(f32::INFINITY);
+    let mut nearest = [infinity; 8];
+    let mut entered = [0u64; 8];
+    for v in 0..VECTORS {
+        let own = part(lanes, v);
+        if own == 0 {
+            continue;
+        }
+        let (mut to_start, mut to_end) = ([zero; 3], [zero; 3]);
+        let mut base = [[zero; 3]; 2];
+        for a in 0..3 {
+            to_start[a] = simd.from16(&slabs.to_start[a][v]);
+            if B::MOVING {
+                to_end[a] = simd.from16(&slabs.to_end[a][v]);
+            }
+            base[0][a] = simd.from16(&slabs.sides[0][a][v]);
+            base[1][a] = simd.from16(&slabs.sides[1][a][v]);
+        }
+        let (t_min, t_max) = (simd.from16(&spans.t_min[v]), simd.from16(&spans.t_max[v]));
+        let own = simd.mask16(own);
+        let mut rest = valid;
+        while rest != 0 {
+            let child = (rest.trailing_zeros() & 7) as usize;
+            rest &= rest - 1;
+            let mut t = [[zero; 3]; 2];
+            for side in 0..2 {
+                for a in 0..3 {
+                    let mut plane = base[side][a];
+                    if B::MOVING {
+                        plane = simd
+                            .all16(end[a][2 * child + side])
+                            .mul_add(to_end[a], plane);
+                    }
+                    t[side][a] = simd
+                        .all16(start[a][2 * child + side])
+                        .mul_add(to_start[a], plane);
+                }
+            }
+            let near = t[0][0].max(t[0][1]).max(t[0][2].max(t_min));
+            let far = t[1][0].max(t[1][1]).max(t[1][2].max(-t_max));
+            let hit = near.le(-far) & own;
+            nearest[child] = near.min(nearest[child]).or(hit, nearest[child]);
+            entered[child] |= u64::from(hit.bits()) << (LANES * v);
+        }
+    }
+    // Joined as vectors: what is written in parts must not be read as a whole soon.
+    let mut near = infinity;
+    let mut children = 0;
+    let mut rest = valid;
+    while rest != 0 {
+        let child = (rest.trailing_zeros() & 7) as usize;
+        rest &= rest - 1;
+        if entered[child] != 0 {
+            children |= 1 << child;
+            let first = simd.all16(nearest[child].least());
+            near = first.or(simd.mask16(3 << (2 * child)), near);
+        }
+    }
+    Entered {
+        children,
+        rays: entered,
+        near: near.to_array(),
     }
 }

@@ -8,9 +8,10 @@ use super::TraceCounts;
 use super::object_ray::ObjectRay;
 use super::packet::Rays;
 use super::relative::{RelativeMany, Seen};
+use super::room::Room;
 use super::sides::Side;
 use super::traverse::{Query, Stack, Target};
-use super::traverse_packet::{InTree, Queries, Room};
+use super::traverse_packet::{InTree, Queries};
 use crate::bvh::object::Blas;
 use crate::bvh::{CarriedSlabs, ObjectGeometry};
 

@@ -5,6 +5,7 @@
 //! `dir`'s length. Instances carry f64 transforms that are reduced to f32 after the world origin was
 //! subtracted.
 
+pub mod beam;
 pub mod brute;
 pub mod cell;
 pub mod cell_rays;
@@ -23,6 +24,7 @@ pub mod places;
 mod query;
 mod query_packet;
 mod relative;
+mod room;
 pub mod shading;
 pub mod sides;
 mod traverse;

@@ -89,6 +89,8 @@ pub struct Slabs {
     pub(super) to_end: [All; 3],
     /// For the near plane, and for the far one.
     pub(super) base: [Ranges; 3],
+    /// The same apart: `[near, far]`, by axis.
+    pub(super) sides: [[All; 3]; 2],
     /// The rays that were mirrored along each axis.
     pub(super) negative: [u64; 3],
 }
@@ -97,10 +99,12 @@ pub struct Slabs {
 pub type Ranges = [[[f32; 2]; LANES]; VECTORS];
 
 impl Slabs {
-    const NONE: Slabs = Slabs {
+    /// Nothing.
+    pub const NONE: Slabs = Slabs {
         to_start: [[[0.0; LANES]; VECTORS]; 3],
         to_end: [[[0.0; LANES]; VECTORS]; 3],
         base: [[[[0.0; 2]; LANES]; VECTORS]; 3],
+        sides: [[[[0.0; LANES]; VECTORS]; 3]; 2],
         negative: [0; 3],
     };
 }
@@ -113,7 +117,7 @@ pub struct Packet<'a, S: Simd> {
     /// Rays that can be traced.
     pub sound: u64,
     /// In the identity frame, by vector.
-    pub slabs: Slabs,
+    pub slabs: &'a mut Slabs,
     pad: [S::F16; VECTORS],
     smallest_dir: [S::F16; VECTORS],
     time: [S::F16; VECTORS],
@@ -122,6 +126,7 @@ pub struct Packet<'a, S: Simd> {
 impl<'a, S: Simd> Packet<'a, S> {
     /// Prepares the rays `lanes` for a tree whose slab tests see them at `MOVING` times. `pad` is what
     /// [`ObjectRay`](super::object_ray::ObjectRay) would be given for each; `None` derives it from `radius`.
+    /// `slabs` is room for them.
     #[inline(always)]
     pub fn new<const MOVING: bool>(
         simd: S,
@@ -129,12 +134,14 @@ impl<'a, S: Simd> Packet<'a, S> {
         lanes: u64,
         radius: f32,
         pads: Option<&All>,
+        slabs: &'a mut Slabs,
     ) -> Self {
         simd.apart(NewPacket::<'_, '_, MOVING> {
             rays,
             lanes,
             radius,
             pads,
+            slabs,
         })
     }
 
@@ -145,13 +152,14 @@ impl<'a, S: Simd> Packet<'a, S> {
         lanes: u64,
         radius: f32,
         pads: Option<&All>,
+        slabs: &'a mut Slabs,
     ) -> Self {
         let zero = simd.all16(0.0);
         let mut packet = Self {
             simd,
             rays,
             sound: 0,
-            slabs: Slabs::NONE,
+            slabs,
             pad: [zero; VECTORS],
             smallest_dir: [zero; VECTORS],
             time: [zero; VECTORS],
@@ -178,6 +186,18 @@ impl<'a, S: Simd> Packet<'a, S> {
         packet
     }
 
+    /// Instants of a vector; 0 where nothing moves.
+    #[inline(always)]
+    pub fn time(&self, v: usize) -> S::F16 {
+        self.time[v]
+    }
+
+    /// What slab tests of a vector are padded by.
+    #[inline(always)]
+    pub fn pad(&self, v: usize) -> S::F16 {
+        self.pad[v]
+    }
+
     /// The rays `lanes` turned into a node's frame; vectors with none of them are left as they are.
     #[inline(always)]
     pub fn turn(&self, frame: &Frame, lanes: u64, to: &mut Slabs) {
@@ -199,13 +219,21 @@ struct NewPacket<'a, 'b, const MOVING: bool> {
     lanes: u64,
     radius: f32,
     pads: Option<&'b All>,
+    slabs: &'a mut Slabs,
 }
 
 impl<'a, S: Simd, const MOVING: bool> Part<S> for NewPacket<'a, '_, MOVING> {
     type Output = Packet<'a, S>;
     #[inline(always)]
     fn run(self, simd: S) -> Packet<'a, S> {
-        Packet::prepare::<MOVING>(simd, self.rays, self.lanes, self.radius, self.pads)
+        Packet::prepare::<MOVING>(
+            simd,
+            self.rays,
+            self.lanes,
+            self.radius,
+            self.pads,
+            self.slabs,
+        )
     }
 }
 
@@ -291,6 +319,8 @@ impl Slabs {
             self.to_end[a][v] = (time * inverse).to_array();
             let (near, far) = ((origin + pad) * -inverse, (origin - pad) * inverse);
             self.base[a][v] = in_turns(simd, near, far);
+            self.sides[0][a][v] = near.to_array();
+            self.sides[1][a][v] = far.to_array();
             let shift = LANES * v;
             let kept = self.negative[a] & !(0xffff << shift);
             self.negative[a] = kept | u64::from(negative.bits()) << shift;

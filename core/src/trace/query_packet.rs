@@ -8,7 +8,8 @@ use super::inside::InsideMany;
 use super::late::Late;
 use super::movers::MoversMany;
 use super::packet::{LANES, PACKET, Packet, Rays, VECTORS, part, split};
-use super::traverse_packet::{Queries, Room, walk_packet};
+use super::room::{Room, Space};
+use super::traverse_packet::{Queries, walk_packet};
 use super::world::{MOVERS, Numbered, TopTree, World, clamp_time};
 use super::{Hit, Ray, TraceCounts};
 use crate::bvh::{Bounds8, ObjectGeometry, Tree};
@@ -85,11 +86,10 @@ impl World {
             room,
             ..
         } = asked;
-        let mut queries = Queries::NONE;
-        queries.any = any;
-        queries.each = each.is_some();
-        queries.counts.rays = rays.len() as u64;
-        let mut packed = [Rays::NONE; VECTORS];
+        let mut queries = room.take_queries();
+        let mut space = room.take();
+        queries.ask(any, each.is_some(), rays.len());
+        let packed = &mut space.rays;
         let mut lanes = 0;
         for (i, ray) in rays.iter().enumerate().take(PACKET) {
             let (v, lane) = split(i);
@@ -97,6 +97,8 @@ impl World {
             if ray.t_min <= ray.t_max && !ray.time.is_nan() {
                 lanes |= 1 << i;
                 queries.begin(i, ray.t_min, ray.t_max);
+            } else {
+                queries.best[i] = Hit::MISS;
             }
             for axis in 0..3 {
                 packed[v].origin[axis][lane] = ray.origin[axis];
@@ -127,7 +129,10 @@ impl World {
                 cell_tests: queries.cells[v][lane] as u64,
             };
         }
-        queries.counts
+        let counts = queries.counts;
+        room.give_back_queries(queries);
+        room.give_back(space);
+        counts
     }
 
     /// Gives the instances that rays came to, and whose objects are not made.
@@ -160,11 +165,14 @@ impl World {
                 *pad = self.pad(rays.origin_of(lane));
             }
         }
-        let packet = Packet::new::<MOVING>(simd, rays, lanes, 0.0, Some(&pads));
+        let mut space = room.take();
+        let Space { slabs, turned, .. } = &mut *space;
+        let packet = Packet::new::<MOVING>(simd, rays, lanes, 0.0, Some(&pads), slabs);
         walk_packet(
             simd,
             tree,
             &packet,
+            turned,
             queries,
             room,
             #[inline(always)]
@@ -187,6 +195,7 @@ impl World {
                 }
             },
         );
+        room.give_back(space);
         late
     }
 
@@ -204,8 +213,8 @@ impl World {
         room: &mut Room,
     ) {
         let (Numbered { set, .. }, i) = self.find(item);
-        let mut local = [Rays::NONE; VECTORS];
-        for (v, (local, rays)) in local.iter_mut().zip(rays).enumerate() {
+        let mut space = room.take();
+        for (v, (local, rays)) in space.rays.iter_mut().zip(rays).enumerate() {
             let lanes = part(lanes, v);
             if lanes != 0 {
                 *local = set.to_object16(simd, i, rays, lanes, self.origin);
@@ -214,11 +223,12 @@ impl World {
         self.level.run(InsideMany {
             object,
             instance: item,
-            rays: &local[..rays.len().min(VECTORS)],
+            rays: &space.rays[..rays.len().min(VECTORS)],
             lanes,
             queries,
             room,
         });
+        room.give_back(space);
     }
 }
 

@@ -28,7 +28,8 @@ use hdtrapeze_simd::{Float, Mask, Part, Simd};
 use super::cell_rays::CellRays;
 use super::object_ray::{ObjectRay, SLAB_PAD};
 use super::packet::{All, LANES, PACKET, Rays, VECTORS, load3, most, part, slab_pad, sound_rays};
-use super::traverse_packet::{InTree, Queries, Room};
+use super::room::Room;
+use super::traverse_packet::{InTree, Queries};
 use crate::bvh::carrier::Carrier;
 use crate::bvh::object::BlockTree;
 use crate::bvh::relative::{Relative, Trees};
@@ -131,8 +132,10 @@ impl<S: Simd> Part<S> for RelativeMany<'_> {
         let mut seen = SeenMany {
             rays: [Rays::NONE; VECTORS],
             pads: [[0.0; LANES]; VECTORS],
-            cells: CellRays::new(simd, rays, sound, &object.mesh().key_times),
+            cells: CellRays::NONE,
         };
+        let key_times = &object.mesh().key_times;
+        seen.cells.set(simd, rays, sound, key_times);
         let mut late = 0;
         for (v, rays) in rays.iter().enumerate().take(VECTORS) {
             let to = &mut seen.rays[v];

@@ -6,11 +6,13 @@
 
 use hdtrapeze_simd::{Float, Mask, Part, Simd};
 
+use super::beam::{BEAM_RAYS, Beam};
 use super::cell_rays::CellRays;
-use super::enter::enter_packet;
+use super::enter::{Spans, enter_packet};
 use super::packet::{All, LANES, PACKET, Packet, Ranges, Rays, Slabs, VECTORS, part, split};
 use super::pairs::{Pairs, expect};
 use super::relative::SeenMany;
+use super::room::{Room, Space};
 use super::traverse::Target;
 use super::{Hit, TraceCounts, two_cells};
 use crate::bvh::block::{CellRect, loose};
@@ -19,19 +21,10 @@ use crate::bvh::{Bounds8, ObjectGeometry, Tree};
 
 /// A subtree that waits: where the first ray enters it, reference, and rays.
 #[derive(Clone, Copy, Debug)]
-struct Waiting {
+pub(super) struct Waiting {
     near: f32,
     at: u32,
     rays: u64,
-}
-
-/// What a thread keeps between packets.
-#[derive(Debug, Default)]
-pub(super) struct Room {
-    /// Subtrees still to visit, farthest first.
-    waiting: Vec<Waiting>,
-    /// Pairs of rays and groups.
-    pairs: Pairs,
 }
 
 /// What the rays of a packet look for, and the best so far.
@@ -42,6 +35,8 @@ pub(super) struct Queries {
     pub best: [Hit; PACKET],
     /// `t_min` of each, and `t_max` below mirrored.
     pub ranges: Ranges,
+    /// The first of each of `ranges` again.
+    pub t_min: All,
     /// `best.t` of each; nothing is nearer than that of a ray which looks no more.
     pub t_max: All,
     /// What all rays cost.
@@ -60,6 +55,7 @@ impl Queries {
         any: false,
         best: [Hit::MISS; PACKET],
         ranges: [[[f32::INFINITY; 2]; LANES]; VECTORS],
+        t_min: [[f32::INFINITY; LANES]; VECTORS],
         t_max: [[f32::NEG_INFINITY; LANES]; VECTORS],
         counts: TraceCounts {
             rays: 0,
@@ -70,6 +66,16 @@ impl Queries {
         nodes: [[0.0; LANES]; VECTORS],
         cells: [[0.0; LANES]; VECTORS],
     };
+
+    /// Between what each ray looks.
+    #[inline(always)]
+    fn spans(&self) -> Spans<'_> {
+        Spans {
+            pairs: &self.ranges,
+            t_min: &self.t_min,
+            t_max: &self.t_max,
+        }
+    }
 
     #[inline(always)]
     fn count_node<S: Simd>(&mut self, simd: S, rays: u64) {
@@ -96,11 +102,28 @@ impl Queries {
         self.ranges[v][lane][1] = -t_max;
     }
 
+    /// Begins to ask about `count` rays.
+    #[inline(always)]
+    pub fn ask(&mut self, any: bool, each: bool, count: usize) {
+        (self.any, self.each) = (any, each);
+        self.counts = TraceCounts {
+            rays: count as u64,
+            ..TraceCounts::default()
+        };
+        if each {
+            (self.nodes, self.cells) = (Self::NONE.nodes, Self::NONE.cells);
+        }
+    }
+
     /// A ray is asked about what lies from `t_min` to `t_max`.
     pub fn begin(&mut self, ray: usize, t_min: f32, t_max: f32) {
         let (v, lane) = split(ray);
-        self.best[ray & (PACKET - 1)].t = t_max;
+        self.best[ray & (PACKET - 1)] = Hit {
+            t: t_max,
+            ..Hit::MISS
+        };
         self.ranges[v][lane][0] = t_min;
+        self.t_min[v][lane] = t_min;
         self.end(ray, t_max);
     }
 
@@ -130,12 +153,13 @@ fn add<S: Simd>(simd: S, to: &mut All, rays: u64, more: f32) {
     }
 }
 
-/// Walks a tree with a packet. `leaf(item, rays, queries, room)` is called for items that some rays may hit.
+/// Walks a tree with a packet; `turned` is room for rays in a node's frame. `leaf(item, rays, queries, room)` is called for items that some rays may hit.
 #[inline(always)]
 pub(super) fn walk_packet<S: Simd, B: Bounds8>(
     simd: S,
     tree: &Tree<B>,
     packet: &Packet<'_, S>,
+    turned: &mut Slabs,
     queries: &mut Queries,
     room: &mut Room,
     mut leaf: impl FnMut(u32, u64, &mut Queries, &mut Room),
@@ -146,7 +170,8 @@ pub(super) fn walk_packet<S: Simd, B: Bounds8>(
     let floor = room.waiting.len();
     let (mut at, mut rays) = (tree.root, packet.sound);
     // The frame that rays were turned into last, and which of them: whole subtrees share one.
-    let (mut frame, mut ready, mut turned) = (0, 0, packet.slabs);
+    let (mut frame, mut ready) = (0, 0);
+    let mut beam: Option<Option<Beam>> = None;
     loop {
         if at & Tree::<B>::LEAF != 0 {
             leaf(at & !Tree::<B>::LEAF, rays, queries, room);
@@ -154,15 +179,30 @@ pub(super) fn walk_packet<S: Simd, B: Bounds8>(
             let node = &tree.nodes[at as usize];
             queries.count_node(simd, rays);
             let slabs = if node.frame == 0 {
-                &packet.slabs
+                &*packet.slabs
             } else {
                 if node.frame != frame || rays & !ready != 0 {
                     (frame, ready) = (node.frame, rays);
-                    packet.turn(&tree.frames[frame as usize], rays, &mut turned);
+                    packet.turn(&tree.frames[frame as usize], rays, turned);
                 }
-                &turned
+                &*turned
             };
-            let found = enter_packet(simd, &node.bounds, node.valid, slabs, rays, &queries.ranges);
+            let mut valid = node.valid;
+            if node.frame == 0
+                && rays.count_ones() >= BEAM_RAYS
+                && let Some(beam) = beam.get_or_insert_with(
+                    #[inline(always)]
+                    || Beam::new(simd, packet, tree, &queries.t_min),
+                )
+            {
+                valid = beam.touched(simd, &node.bounds, valid);
+                let child = node.children[valid.trailing_zeros() as usize & 7];
+                if valid.is_power_of_two() && child & Tree::<B>::LEAF == 0 {
+                    at = child;
+                    continue;
+                }
+            }
+            let found = enter_packet(simd, &node.bounds, valid, slabs, rays, queries.spans());
             if found.children != 0 {
                 // The nearest child is next; the others wait, nearer ones on top.
                 let (slots, count) = found.by_distance(simd);
@@ -249,35 +289,44 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
             Some(seen) => (&seen.rays[..rays.len().min(VECTORS)], Some(&seen.pads)),
             None => (rays, None),
         };
+        let mut space = room.take();
+        let Space {
+            slabs,
+            turned,
+            in_block,
+            cells: own,
+            ..
+        } = &mut *space;
         let packet = if B::MOVING {
-            Packet::new::<true>(self.simd, slab_rays, lanes, self.radius, pads)
+            Packet::new::<true>(self.simd, slab_rays, lanes, self.radius, pads, slabs)
         } else {
-            Packet::new::<false>(self.simd, slab_rays, lanes, self.radius, pads)
+            Packet::new::<false>(self.simd, slab_rays, lanes, self.radius, pads, slabs)
         };
         if packet.sound == 0 {
+            room.give_back(space);
             return;
         }
-        let own;
         let cells = match seen {
             Some(seen) => &seen.cells,
             None => {
-                own = CellRays::new(self.simd, rays, packet.sound, &self.mesh.key_times);
-                &own
+                own.set(self.simd, rays, packet.sound, &self.mesh.key_times);
+                &*own
             }
         };
-        let mut turned = packet.slabs;
         walk_packet(
             self.simd,
             &self.blocks.tree,
             &packet,
+            turned,
             queries,
             room,
             #[inline(always)]
             |item, rays, queries, room| {
                 let pairs = &mut room.pairs;
-                self.item_packet(item, rays, &packet, &mut turned, cells, pairs, queries);
+                self.item_packet(item, rays, &packet, in_block, cells, pairs, queries);
             },
         );
+        room.give_back(space);
     }
 
     /// Tests one item of the tree: a loose group or a block. `turned` is room for rays in a block's frame.
@@ -300,7 +349,7 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
             let block = &self.blocks.blocks[item as usize];
             queries.count_node(self.simd, rays);
             let slabs = if block.frame == 0 {
-                &packet.slabs
+                &*packet.slabs
             } else {
                 packet.turn(&self.blocks.tree.frames[block.frame as usize], rays, turned);
                 &*turned
@@ -312,7 +361,7 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
                 valid,
                 slabs,
                 rays,
-                &queries.ranges,
+                queries.spans(),
             );
             // The first group is waited for; the others come meanwhile.
             let mut later = found.children & found.children.wrapping_sub(1);

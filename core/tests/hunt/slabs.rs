@@ -9,10 +9,11 @@ use hdtrapeze_core::bvh::lanes::Boxes8;
 use hdtrapeze_core::bvh::node::{enter, magnitude};
 use hdtrapeze_core::bvh::{Bounds8, Frame, LinearBox, LinearSlabs, StaticSlabs};
 use hdtrapeze_core::grid::PlanarMesh;
+use hdtrapeze_core::trace::beam::Beam;
 use hdtrapeze_core::trace::cell::CellRay;
-use hdtrapeze_core::trace::enter::enter_packet;
+use hdtrapeze_core::trace::enter::{Spans, enter_packet};
 use hdtrapeze_core::trace::object_ray::{ObjectRay, SLAB_PAD};
-use hdtrapeze_core::trace::packet::{LANES, PACKET, Packet, Rays, VECTORS, split};
+use hdtrapeze_core::trace::packet::{LANES, PACKET, Packet, Rays, Slabs, VECTORS, split};
 use hdtrapeze_simd::{Kernel, Level, Simd};
 
 use crate::boxes::{CELL, frame, vec3};
@@ -113,6 +114,10 @@ enum Way {
     Alone,
     /// As this ray of a packet.
     InPacket(usize),
+    /// As all rays of a packet.
+    Together,
+    /// As a beam of nothing else.
+    InBeam,
 }
 
 impl Way {
@@ -141,31 +146,51 @@ impl Way {
                 };
                 enter(simd, bounds, 1, &slabs, t, t).0 == 1
             }
-            Way::InPacket(ray) => {
-                let (v, lane) = split(ray);
+            Way::InPacket(_) | Way::Together | Way::InBeam => {
                 let mut rays = [Rays::NONE; VECTORS];
-                for a in 0..3 {
-                    rays[v].origin[a][lane] = origin[a];
-                    rays[v].dir[a][lane] = dir[a];
-                }
-                rays[v].time[lane] = time;
-                let pads = [[pad; LANES]; VECTORS];
-                let packet = if B::MOVING {
-                    Packet::new::<true>(simd, &rays, 1 << ray, 0.0, Some(&pads))
-                } else {
-                    Packet::new::<false>(simd, &rays, 1 << ray, 0.0, Some(&pads))
+                let lanes = match self {
+                    Way::InPacket(ray) => 1u64 << ray,
+                    _ => u64::MAX,
                 };
-                if packet.sound != 1 << ray {
+                for ray in 0..PACKET {
+                    let (v, lane) = split(ray);
+                    for a in 0..3 {
+                        rays[v].origin[a][lane] = origin[a];
+                        rays[v].dir[a][lane] = dir[a];
+                    }
+                    rays[v].time[lane] = time;
+                }
+                let pads = [[pad; LANES]; VECTORS];
+                let mut slabs = Slabs::NONE;
+                let packet = if B::MOVING {
+                    Packet::new::<true>(simd, &rays, lanes, 0.0, Some(&pads), &mut slabs)
+                } else {
+                    Packet::new::<false>(simd, &rays, lanes, 0.0, Some(&pads), &mut slabs)
+                };
+                if packet.sound != lanes {
                     return false;
                 }
-                let mut slabs = packet.slabs;
-                if turns {
-                    packet.turn(&case.frame, 1 << ray, &mut slabs);
+                let [t_min, t_max] = [[[t; LANES]; VECTORS]; 2];
+                if matches!(self, Way::InBeam) {
+                    // Where there is no beam, rays are tested one by one.
+                    return turns
+                        || Beam::within(simd, &packet, bounds, &t_min)
+                            .is_none_or(|beam| beam.touched(simd, bounds, 1) == 1);
                 }
-                let mut ranges = [[[f32::INFINITY; 2]; LANES]; VECTORS];
-                ranges[v][lane] = [t, -t];
-                let entered = enter_packet(simd, bounds, 1, &slabs, 1 << ray, &ranges);
-                entered.children == 1 && entered.rays[0] == 1 << ray
+                let mut turned = Slabs::NONE;
+                let slabs = if turns {
+                    packet.turn(&case.frame, lanes, &mut turned);
+                    &turned
+                } else {
+                    &*packet.slabs
+                };
+                let spans = Spans {
+                    pairs: &[[[t, -t]; LANES]; VECTORS],
+                    t_min: &t_min,
+                    t_max: &t_max,
+                };
+                let entered = enter_packet(simd, bounds, 1, slabs, lanes, spans);
+                entered.children == 1 && entered.rays[0] == lanes
             }
         }
     }
@@ -233,27 +258,52 @@ fn score(case: &Case, way: Way, level: Level) -> f64 {
     used.unwrap_or(f64::NEG_INFINITY)
 }
 
-fn hunt(what: &str, scales: (i32, i32), seed: u64, least: f64) {
+fn hunt(
+    what: &str,
+    scales: (i32, i32),
+    seed: u64,
+    least: f64,
+    way: impl Fn(&mut Genes<'_>) -> Way + Sync,
+) {
     for (level, seed) in Level::available().into_iter().zip(seed..) {
         let found = climb(20_000, 48, seed, |genes| {
             let scale = genes.whole(scales.0, scales.1);
             let case = Case::new(genes, scale);
-            let way = match genes.below(2) {
-                0 => Way::Alone,
-                _ => Way::InPacket(genes.below(PACKET as u64)),
-            };
-            score(&case, way, level)
+            score(&case, way(genes), level)
         });
         found.check(&format!("{what}, {}", level.name()), least);
     }
 }
 
+fn ray_by_ray(genes: &mut Genes<'_>) -> Way {
+    match genes.below(4) {
+        0 | 1 => Way::Alone,
+        2 => Way::InPacket(genes.below(PACKET as u64)),
+        _ => Way::Together,
+    }
+}
+
+fn in_beam(_: &mut Genes<'_>) -> Way {
+    Way::InBeam
+}
+
 #[test]
 fn slabs_of_cells() {
-    hunt("slabs", (-10, 10), 10, 0.03);
+    hunt("slabs", (-10, 10), 10, 0.03, ray_by_ray);
 }
 
 #[test]
 fn slabs_of_tiny_and_huge_cells() {
-    hunt("slabs of any size", (-149, 58), 20, 0.03);
+    hunt("slabs of any size", (-149, 58), 20, 0.03, ray_by_ray);
+}
+
+#[test]
+fn beams_of_cells() {
+    hunt("beams", (-10, 10), 30, 0.0, in_beam);
+}
+
+#[test]
+fn beams_of_tiny_and_huge_cells() {
+    // Most boxes that are hit lie across the beam, whatever is rounded.
+    hunt("beams of any size", (-149, 58), 40, -2.0, in_beam);
 }

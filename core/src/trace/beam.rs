@@ -1,0 +1,449 @@
+//! A packet as a beam: what holds all of its rays, for nodes that nearly all of them meet.
+//!
+//! **Shape.** Rays that go the same way along an axis, z, and along no other much faster, are lines `x(z)` and `y(z)`.
+//! The smallest of several lines is concave, and so nowhere below its own chord; the largest is nowhere above its. So a
+//! beam is four chords, from where rays or boxes begin to where boxes end. A box whose range of `x`, over all times of
+//! the packet, lies beyond a chord all along its range of `z` is missed by all rays: 8 children cost what two or three rays
+//! cost against them.
+//!
+//! **Rounding.** Where a micropolygon test accepts a hit, the point `r` of the ray lies, on each axis, no farther than the
+//! pad of slab tests ([`super::object_ray`]) from the box at the ray's time, with room for what slab tests round. Where
+//! the ray is at the nearest `z` of that box, its `x` differs from that of `r` by at most [`STEEPEST`] pads, and so it lies
+//! within 3 pads of the box. In units of `U S`, with coordinates and `|z|` of at most `S` and slopes of at most 2,
+//! a line at an end is off by 11 (a difference by 1, which the slope doubles; the slope by 4, the product by 2, the sum by 3),
+//! moving it by 4 more, and the chord between, of up to 4 S, by 21 (difference, quotient, length, product and sum).
+//! Planes at a time are off by 8 in `x` and by 8 in `z`, which a slope doubles: 60 together, less than a pad, which is 80. So chords
+//! are moved by [`BEAM_PADS`] pads. Where the beam begins and ends is moved as far: what it rounds is less than that, too.
+
+use hdtrapeze_simd::{Float, Mask, Part, Simd};
+
+use super::cell::CellRay;
+use super::packet::{All, Packet, VECTORS, load3, part, split};
+use crate::bvh::{Bounds8, Tree, U};
+
+/// Most that a ray may go along x or y while it goes 1 along z.
+const STEEPEST: f32 = 2.0;
+/// What chords are moved outward by, in pads of slab tests; derived in the module's text.
+const BEAM_PADS: f32 = 4.0;
+/// Fewer rays are tested one by one: a beam that holds the whole packet is wide for them.
+pub const BEAM_RAYS: u32 = 24;
+
+/// A line over z, from where the beam begins.
+#[derive(Clone, Copy, Debug)]
+struct Chord {
+    start: f32,
+    slope: f32,
+}
+
+impl Chord {
+    /// From `a` to `b` over `length`; the smaller of both all along where that is next to nothing.
+    fn lower(a: f32, b: f32, length: f32, least: f32) -> Self {
+        if length > least {
+            Self {
+                start: a,
+                slope: (b - a) / length,
+            }
+        } else {
+            Self {
+                start: a.min(b),
+                slope: 0.0,
+            }
+        }
+    }
+
+    fn upper(a: f32, b: f32, length: f32, least: f32) -> Self {
+        let Self { start, slope } = Self::lower(-a, -b, length, least);
+        Self {
+            start: -start,
+            slope: -slope,
+        }
+    }
+
+    #[inline(always)]
+    fn at<S: Simd>(&self, simd: S, z: S::F8) -> S::F8 {
+        z.mul_add(simd.all8(self.slope), simd.all8(self.start))
+    }
+}
+
+/// What holds all rays of a packet.
+#[derive(Clone, Copy, Debug)]
+pub struct Beam {
+    /// x, y and z.
+    axes: [usize; 3],
+    /// True where rays go down along z. All z are mirrored then.
+    mirrored: bool,
+    /// Where the beam begins and ends.
+    z: [f32; 2],
+    /// The first and the last instant.
+    times: [f32; 2],
+    /// Along x and y, the lower and the upper one.
+    sides: [[Chord; 2]; 2],
+}
+
+impl Beam {
+    /// The beam of a packet in a tree. `t_min` is where each ray begins to look. None where rays do not go the same way, or
+    /// the root of the tree is turned.
+    #[inline(always)]
+    pub fn new<S: Simd, B: Bounds8>(
+        simd: S,
+        packet: &Packet<'_, S>,
+        tree: &Tree<B>,
+        t_min: &All,
+    ) -> Option<Beam> {
+        let root = tree.nodes.get(tree.root as usize)?;
+        if root.frame != 0 || packet.sound == 0 {
+            return None;
+        }
+        Self::within(simd, packet, &root.bounds, t_min)
+    }
+
+    /// The same for a tree whose root has these bounds, in the identity frame. `packet` has one sound ray or more.
+    #[inline(always)]
+    pub fn within<S: Simd, B: Bounds8>(
+        simd: S,
+        packet: &Packet<'_, S>,
+        root: &B,
+        t_min: &All,
+    ) -> Option<Beam> {
+        simd.apart(Hold {
+            packet,
+            root,
+            t_min,
+        })
+    }
+
+    #[inline(always)]
+    fn hold<S: Simd, B: Bounds8>(
+        simd: S,
+        packet: &Packet<'_, S>,
+        root: &B,
+        t_min: &All,
+    ) -> Option<Beam> {
+        let (v, lane) = split(packet.sound.trailing_zeros() as usize);
+        let first = packet.rays.get(v)?.dir_of(lane);
+        let axes = CellRay::axes_of(first);
+        let z_axis = axes[2];
+        let mirrored = first[z_axis] < 0.0;
+        let (zero, one, inf) = (simd.all16(0.0), simd.all16(1.0), simd.all16(f32::INFINITY));
+        let mut least_time = inf;
+        let mut most_time = -inf;
+        let (mut pad, mut reach, mut begin) = (zero, zero, inf);
+        let mut straight = true;
+        let mut lines = [[[zero; 2]; VECTORS]; 2];
+        let mut depths = [zero; VECTORS];
+        let mut masks = [simd.mask16(0); VECTORS];
+        for (v, rays) in packet.rays.iter().enumerate().take(VECTORS) {
+            let lanes = part(packet.sound, v);
+            if lanes == 0 {
+                continue;
+            }
+            let mask = simd.mask16(lanes);
+            masks[v] = mask;
+            let (origin, dir) = (load3(simd, &rays.origin), load3(simd, &rays.dir));
+            let (mut oz, mut dz) = (origin[z_axis], dir[z_axis]);
+            if mirrored {
+                (oz, dz) = (-oz, -dz);
+            }
+            let limit = dz * simd.all16(STEEPEST);
+            let ok = zero.lt(dz) & dir[axes[0]].abs().le(limit) & dir[axes[1]].abs().le(limit);
+            straight &= ok.bits() & lanes == lanes;
+            let inverse = one.over(dz);
+            for a in 0..2 {
+                lines[a][v] = [origin[axes[a]], dir[axes[a]] * inverse];
+            }
+            depths[v] = oz;
+            if B::MOVING {
+                let time = packet.time(v);
+                least_time = time.or(mask, least_time).min(least_time);
+                most_time = time.or(mask, most_time).max(most_time);
+            }
+            pad = packet.pad(v).or(mask, pad).max(pad);
+            for o in origin {
+                reach = o.abs().or(mask, reach).max(reach);
+            }
+            begin = (simd.from16(&t_min[v]) * dz + oz)
+                .or(mask, begin)
+                .min(begin);
+        }
+        if !straight {
+            return None;
+        }
+        let pad = pad.most();
+        let by = BEAM_PADS * pad;
+        // Where boxes begin and end, and no sooner than rays.
+        let (start, end) = (root.start(), root.end());
+        let (mut z0, mut z1) = (f32::INFINITY, f32::NEG_INFINITY);
+        for l in [start, end] {
+            let (low, high) = (l.origin[z_axis], l.origin[z_axis] + 255.0 * l.step[z_axis]);
+            let (low, high) = if mirrored { (-high, -low) } else { (low, high) };
+            (z0, z1) = (z0.min(low), z1.max(high));
+        }
+        let begin = begin.least();
+        if begin > z0 {
+            z0 = begin;
+        }
+        let (z0, z1) = (z0 - by, z1 + by);
+        let length = z1 - z0;
+        let least = (reach.most() + z0.abs() + z1.abs()) * U;
+        let mut ends = [[[0.0f32; 2]; 2]; 2];
+        for (end, z) in [z0, z1].into_iter().enumerate() {
+            let z = simd.all16(z);
+            let mut low = [inf; 2];
+            let mut high = [-inf; 2];
+            for v in 0..packet.rays.len().min(VECTORS) {
+                let from = z - depths[v];
+                for a in 0..2 {
+                    let [o, slope] = lines[a][v];
+                    let x = o + from * slope;
+                    low[a] = x.or(masks[v], low[a]).min(low[a]);
+                    high[a] = x.or(masks[v], high[a]).max(high[a]);
+                }
+            }
+            for a in 0..2 {
+                ends[a][0][end] = low[a].least() - by;
+                ends[a][1][end] = high[a].most() + by;
+            }
+        }
+        let side = |a: usize| {
+            [
+                Chord::lower(ends[a][0][0], ends[a][0][1], length, least),
+                Chord::upper(ends[a][1][0], ends[a][1][1], length, least),
+            ]
+        };
+        Some(Beam {
+            axes: [axes[0], axes[1], z_axis],
+            mirrored,
+            z: [z0, z1],
+            times: if B::MOVING {
+                [least_time.least(), most_time.most()]
+            } else {
+                [0.0; 2]
+            },
+            sides: [side(0), side(1)],
+        })
+    }
+
+    /// Ranges of 8 children along axis `a`, over all times of the packet.
+    #[inline(always)]
+    fn range<S: Simd, B: Bounds8>(&self, simd: S, bounds: &B, a: usize) -> [S::F8; 2] {
+        let (start, end) = (bounds.start(), bounds.end());
+        let mut out = [simd.all8(0.0); 2];
+        for (side, out) in out.iter_mut().enumerate() {
+            let q0 = simd.bytes8(&start.planes[a][side]);
+            if B::MOVING {
+                let q1 = simd.bytes8(&end.planes[a][side]);
+                let mut planes = [q0; 2];
+                for (plane, time) in planes.iter_mut().zip(self.times) {
+                    let (w0, w1) = (1.0 - time, time);
+                    let base = start.origin[a] * w0 + end.origin[a] * w1;
+                    *plane = q0.mul_add(simd.all8(start.step[a] * w0), simd.all8(base));
+                    *plane = q1.mul_add(simd.all8(end.step[a] * w1), *plane);
+                }
+                *out = if side == 0 {
+                    planes[0].min(planes[1])
+                } else {
+                    planes[0].max(planes[1])
+                };
+            } else {
+                *out = q0.mul_add(simd.all8(start.step[a]), simd.all8(start.origin[a]));
+            }
+        }
+        out
+    }
+
+    /// Children that the beam may touch.
+    #[inline(always)]
+    pub fn touched<S: Simd, B: Bounds8>(&self, simd: S, bounds: &B, valid: u32) -> u32 {
+        simd.apart(Touch {
+            beam: self,
+            bounds,
+            valid,
+        })
+    }
+
+    #[inline(always)]
+    fn touch<S: Simd, B: Bounds8>(&self, simd: S, bounds: &B, valid: u32) -> u32 {
+        let [low, high] = self.range(simd, bounds, self.axes[2]);
+        let (low, high) = if self.mirrored {
+            (-high, -low)
+        } else {
+            (low, high)
+        };
+        let low = low.max(simd.all8(self.z[0]));
+        let high = high.min(simd.all8(self.z[1]));
+        let mut touched = low.le(high);
+        // Lengths from where the beam begins.
+        let begin = simd.all8(self.z[0]);
+        let z = [low - begin, high - begin];
+        for (sides, &axis) in self.sides.iter().zip(&self.axes) {
+            let [lower, upper] = self.range(simd, bounds, axis);
+            let [left, right] = sides;
+            // The lower chord is lowest at one end, and the upper one highest.
+            let left = left.at(simd, z[usize::from(left.slope < 0.0)]);
+            let right = right.at(simd, z[usize::from(right.slope > 0.0)]);
+            touched = touched & left.le(upper) & lower.le(right);
+        }
+        touched.bits() & valid
+    }
+}
+
+struct Hold<'a, 'b, S: Simd, B> {
+    packet: &'a Packet<'b, S>,
+    root: &'a B,
+    t_min: &'a All,
+}
+
+impl<S: Simd, B: Bounds8> Part<S> for Hold<'_, '_, S, B> {
+    type Output = Option<Beam>;
+    #[inline(always)]
+    fn run(self, simd: S) -> Option<Beam> {
+        Beam::hold(simd, self.packet, self.root, self.t_min)
+    }
+}
+
+struct Touch<'a, B> {
+    beam: &'a Beam,
+    bounds: &'a B,
+    valid: u32,
+}
+
+impl<S: Simd, B: Bounds8> Part<S> for Touch<'_, B> {
+    type Output = u32;
+    #[inline(always)]
+    fn run(self, simd: S) -> u32 {
+        self.beam.touch(simd, self.bounds, self.valid)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+    use hdtrapeze_simd::{Kernel, Level};
+
+    use super::*;
+    use crate::bvh::lanes::Boxes8;
+    use crate::bvh::{LinearBox, LinearSlabs, StaticSlabs};
+    use crate::trace::enter::{Spans, enter_packet};
+    use crate::trace::packet::{LANES, Rays, Slabs};
+
+    /// Numbers from -1 to 1.
+    struct Random(u64);
+
+    impl Random {
+        fn next(&mut self) -> f32 {
+            self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1);
+            (self.0 >> 40) as f32 / (1u64 << 23) as f32 - 1.0
+        }
+
+        fn vec(&mut self) -> Vec3 {
+            Vec3::new(self.next(), self.next(), self.next())
+        }
+    }
+
+    /// Children that the beam touches, and those that some ray enters; none where there is no beam.
+    struct Both<'a, B> {
+        rays: &'a [Rays; VECTORS],
+        lanes: u64,
+        boxes: &'a [LinearBox],
+        kind: std::marker::PhantomData<B>,
+    }
+
+    impl<B: Bounds8> Kernel for Both<'_, B> {
+        type Output = Option<(u32, u32)>;
+        #[inline(always)]
+        fn run<S: Simd>(self, simd: S) -> Option<(u32, u32)> {
+            let bounds = B::pack(simd, &Boxes8::of(simd, self.boxes));
+            let mut slabs = Slabs::NONE;
+            let packet = if B::MOVING {
+                Packet::new::<true>(simd, self.rays, self.lanes, 4.0, None, &mut slabs)
+            } else {
+                Packet::new::<false>(simd, self.rays, self.lanes, 4.0, None, &mut slabs)
+            };
+            let t_min = [[0.25; LANES]; VECTORS];
+            let beam = Beam::within(simd, &packet, &bounds, &t_min)?;
+            let mut entered = 0;
+            // One by one, so that no other ray can hide a mistake.
+            for ray in (0..64).filter(|ray| packet.sound >> ray & 1 == 1) {
+                let spans = Spans {
+                    pairs: &[[[0.25, -1e30]; LANES]; VECTORS],
+                    t_min: &t_min,
+                    t_max: &[[1e30; LANES]; VECTORS],
+                };
+                let found = enter_packet(simd, &bounds, 0xff, packet.slabs, 1 << ray, spans);
+                entered |= found.children;
+            }
+            Some((beam.touched(simd, &bounds, 0xff), entered))
+        }
+    }
+
+    fn trial<B: Bounds8>(seed: u64, level: Level) -> Option<(u32, u32)> {
+        let mut random = Random(seed * 77 + 5);
+        let (target, from) = (random.vec(), random.vec() * 3.0);
+        let width = [0.002, 0.05, 0.4][seed as usize % 3];
+        let mut rays = [Rays::NONE; VECTORS];
+        for rays in &mut rays {
+            for lane in 0..LANES {
+                let origin = from + random.vec() * width;
+                let dir = (target + random.vec() * width - origin) * (1.5 + random.next());
+                for a in 0..3 {
+                    (rays.origin[a][lane], rays.dir[a][lane]) = (origin[a], dir[a]);
+                }
+                rays.time[lane] = 0.5 + 0.5 * random.next();
+            }
+        }
+        // Not all lanes count: those that do not go elsewhere.
+        let lanes = match seed % 2 {
+            0 => u64::MAX,
+            _ => 0xffff_0000_7fff_00f0,
+        };
+        for ray in (0..64).filter(|ray| lanes >> ray & 1 == 0) {
+            rays[ray / LANES].dir[ray % 3][ray % LANES] *= -1.0;
+        }
+        let boxes: Vec<LinearBox> = (0..8)
+            .map(|_| {
+                let (at, size) = (random.vec() * 1.5, (random.vec() + 1.0) * 0.2);
+                let (by, wider) = (random.vec() * 0.3, (random.vec() + 1.0) * 0.1);
+                LinearBox {
+                    lo0: at,
+                    hi0: at + size,
+                    lo1: at + by,
+                    hi1: at + by + size + wider,
+                }
+            })
+            .collect();
+        level.run(Both::<B> {
+            rays: &rays,
+            lanes,
+            boxes: &boxes,
+            kind: std::marker::PhantomData,
+        })
+    }
+
+    #[test]
+    fn beams_touch_what_rays_enter_and_little_else() {
+        for level in Level::available() {
+            let (mut touched, mut entered, mut beams) = (0, 0, 0);
+            for seed in 0..3000 {
+                for found in [
+                    trial::<StaticSlabs>(seed, level),
+                    trial::<LinearSlabs>(seed, level),
+                ] {
+                    let Some((by_beam, by_rays)) = found else {
+                        continue;
+                    };
+                    assert_eq!(by_rays & !by_beam, 0, "{seed}, {}", level.name());
+                    beams += 1;
+                    touched += by_beam.count_ones();
+                    entered += by_rays.count_ones();
+                }
+            }
+            // Of 8 children rays enter one in a trial, on average, and beams touch half as many again.
+            let name = level.name();
+            assert!(beams > 4000, "{name}: {beams} beams");
+            assert!(
+                touched < 2 * entered && entered > beams / 2,
+                "{name}: {touched} touched, {entered} entered, {beams} beams"
+            );
+        }
+    }
+}

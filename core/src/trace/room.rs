@@ -1,0 +1,82 @@
+//! What a thread keeps between packets, so that nothing large is made, cleared or copied for each of them.
+
+use super::cell_rays::CellRays;
+use super::packet::{Rays, Slabs, VECTORS};
+use super::pairs::Pairs;
+use super::traverse_packet::{Queries, Waiting};
+
+/// What a thread keeps between packets; taken while in use.
+#[derive(Default)]
+pub(super) struct Room {
+    /// Subtrees still to visit, farthest first.
+    pub waiting: Vec<Waiting>,
+    /// Pairs of rays and groups.
+    pub pairs: Pairs,
+    /// What rays look for.
+    queries: Option<Box<Queries>>,
+    /// Those that nobody uses.
+    spaces: Vec<Box<Space>>,
+}
+
+/// A packet in one space: of the world, of an object, of a tree. What was there last is there still, so it is written
+/// before it is read.
+pub(super) struct Space {
+    /// The rays.
+    pub rays: [Rays; VECTORS],
+    /// The same for slab tests in the identity frame.
+    pub slabs: Slabs,
+    /// In the frame of nodes.
+    pub turned: Slabs,
+    /// In the frame of a block.
+    pub in_block: Slabs,
+    /// For micropolygons.
+    pub cells: CellRays,
+}
+
+impl Space {
+    const NONE: Space = Space {
+        rays: [Rays::NONE; VECTORS],
+        slabs: Slabs::NONE,
+        turned: Slabs::NONE,
+        in_block: Slabs::NONE,
+        cells: CellRays::NONE,
+    };
+}
+
+impl Room {
+    /// What the rays of a packet look for: of an earlier one, still.
+    #[inline(always)]
+    pub fn take_queries(&mut self) -> Box<Queries> {
+        self.queries.take().unwrap_or_else(new_queries)
+    }
+
+    /// Gives them back.
+    #[inline(always)]
+    pub fn give_back_queries(&mut self, queries: Box<Queries>) {
+        self.queries = Some(queries);
+    }
+
+    /// A space that nobody else uses.
+    #[inline(always)]
+    pub fn take(&mut self) -> Box<Space> {
+        self.spaces.pop().unwrap_or_else(new_space)
+    }
+
+    /// Gives one back.
+    #[inline(always)]
+    pub fn give_back(&mut self, space: Box<Space>) {
+        self.spaces.push(space);
+    }
+}
+
+#[cold]
+#[inline(never)]
+fn new_queries() -> Box<Queries> {
+    Box::new(Queries::NONE)
+}
+
+#[cold]
+#[inline(never)]
+fn new_space() -> Box<Space> {
+    Box::new(Space::NONE)
+}
