@@ -31,9 +31,17 @@ impl Entered {
     /// Children that were entered, the nearest first, and their number.
     #[inline(always)]
     pub fn by_distance<S: Simd>(&self, simd: S) -> ([usize; 8], usize) {
-        let near = simd.from16(&self.near);
         let mut slots = [0; 8];
         let mut rest = self.children;
+        if rest.count_ones() <= 2 {
+            // Most often.
+            let first = (rest.trailing_zeros() & 7) as usize;
+            let last = (31 ^ (rest | 1).leading_zeros()) as usize & 7;
+            let swap = self.near(last) < self.near(first);
+            (slots[0], slots[1]) = if swap { (last, first) } else { (first, last) };
+            return (slots, rest.count_ones() as usize);
+        }
+        let near = simd.from16(&self.near);
         // Bits of the lanes that count: one of each pair.
         let entered = spread(self.children);
         while rest != 0 {
