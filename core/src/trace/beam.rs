@@ -1,19 +1,20 @@
 //! A packet as a beam: what holds all of its rays, for nodes that nearly all of them meet.
 //!
 //! **Shape.** Rays that go the same way along an axis, z, and along no other much faster, are lines `x(z)` and `y(z)`.
-//! The smallest of several lines is concave, and so nowhere below its own chord; the largest is nowhere above its. So a
-//! beam is four chords, from where rays or boxes begin to where boxes end. A box whose range of `x`, over all times of
-//! the packet, lies beyond a chord all along its range of `z` is missed by all rays: 8 children cost what two or three rays
-//! cost against them.
+//! The smallest of several lines is concave, and so nowhere below its own chord; nor below two of them, one for each half
+//! of the way, which are the smaller of two lines. The largest is the smallest mirrored. So a beam is eight chords, from
+//! where rays or boxes begin to where boxes end: rays of a lens come together in its focus. A box whose range of `x`,
+//! over all times of the packet, lies beyond the chords all along its range of `z` is missed by all rays: 8 children cost
+//! what two or three rays cost against them.
 //!
 //! **Rounding.** Where a micropolygon test accepts a hit, the point `r` of the ray lies, on each axis, no farther than the
 //! pad of slab tests ([`super::object_ray`]) from the box at the ray's time, with room for what slab tests round. Where
 //! the ray is at the nearest `z` of that box, its `x` differs from that of `r` by at most [`STEEPEST`] pads, and so it lies
 //! within 3 pads of the box. In units of `U S`, with coordinates and `|z|` of at most `S` and slopes of at most 2,
 //! a line at an end is off by 11 (a difference by 1, which the slope doubles; the slope by 4, the product by 2, the sum by 3),
-//! moving it by 4 more, and the chord between, of up to 4 S, by 21 (difference, quotient, length, product and sum).
-//! Planes at a time are off by 8 in `x` and by 8 in `z`, which a slope doubles: 60 together, less than a pad, which is 80. So chords
-//! are moved by [`BEAM_PADS`] pads. Where the beam begins and ends is moved as far: what it rounds is less than that, too.
+//! moving it by 4 more, and the chord between, of up to 4 S, by 23 (difference, quotient, length, product and sum).
+//! Planes at a time are off by 9 in `x` and by 9 in `z`, which a slope doubles: 65 together, less than a pad, which is 80. So chords
+//! are moved by [`BEAM_PADS`] pads. The other half's chord only widens a beam, whatever it rounds there. Where the beam begins and ends is moved as far: what it rounds is less than that, too.
 
 use hdtrapeze_simd::{Float, Mask, Part, Simd};
 
@@ -28,7 +29,7 @@ const BEAM_PADS: f32 = 4.0;
 /// Fewer rays are tested one by one: a beam that holds the whole packet is wide for them.
 pub const BEAM_RAYS: u32 = 24;
 
-/// A line over z, from where the beam begins.
+/// A line over z, from where a half of the beam begins.
 #[derive(Clone, Copy, Debug)]
 struct Chord {
     start: f32,
@@ -37,7 +38,7 @@ struct Chord {
 
 impl Chord {
     /// From `a` to `b` over `length`; the smaller of both all along where that is next to nothing.
-    fn lower(a: f32, b: f32, length: f32, least: f32) -> Self {
+    fn new([a, b]: [f32; 2], length: f32, least: f32) -> Self {
         if length > least {
             Self {
                 start: a,
@@ -51,17 +52,11 @@ impl Chord {
         }
     }
 
-    fn upper(a: f32, b: f32, length: f32, least: f32) -> Self {
-        let Self { start, slope } = Self::lower(-a, -b, length, least);
-        Self {
-            start: -start,
-            slope: -slope,
-        }
-    }
-
+    /// The smallest between two lengths.
     #[inline(always)]
-    fn at<S: Simd>(&self, simd: S, z: S::F8) -> S::F8 {
-        z.mul_add(simd.all8(self.slope), simd.all8(self.start))
+    fn least<S: Simd>(&self, simd: S, between: &[S::F8; 2]) -> S::F8 {
+        let at = between[usize::from(self.slope < 0.0)];
+        at.mul_add(simd.all8(self.slope), simd.all8(self.start))
     }
 }
 
@@ -72,12 +67,12 @@ pub struct Beam {
     axes: [usize; 3],
     /// True where rays go down along z. All z are mirrored then.
     mirrored: bool,
-    /// Where the beam begins and ends.
-    z: [f32; 2],
+    /// Where the beam begins, its middle, and where it ends.
+    z: [f32; 3],
     /// The first and the last instant.
     times: [f32; 2],
-    /// Along x and y, the lower and the upper one.
-    sides: [[Chord; 2]; 2],
+    /// Along x and y, of the smallest and of the smallest mirrored, in each half.
+    sides: [[[Chord; 2]; 2]; 2],
 }
 
 impl Beam {
@@ -183,43 +178,45 @@ impl Beam {
             z0 = begin;
         }
         let (z0, z1) = (z0 - by, z1 + by);
-        let length = z1 - z0;
+        let z = [z0, z0 + 0.5 * (z1 - z0), z1];
         let least = (reach.most() + z0.abs() + z1.abs()) * U;
-        let mut ends = [[[0.0f32; 2]; 2]; 2];
-        for (end, z) in [z0, z1].into_iter().enumerate() {
+        // At each of them, the smallest x and y of all rays, and of all mirrored.
+        let mut ends = [[[0.0f32; 3]; 2]; 2];
+        for (end, &z) in z.iter().enumerate() {
             let z = simd.all16(z);
-            let mut low = [inf; 2];
-            let mut high = [-inf; 2];
+            let mut low = [[inf; 2]; 2];
             for v in 0..packet.rays.len().min(VECTORS) {
                 let from = z - depths[v];
                 for a in 0..2 {
                     let [o, slope] = lines[a][v];
                     let x = o + from * slope;
-                    low[a] = x.or(masks[v], low[a]).min(low[a]);
-                    high[a] = x.or(masks[v], high[a]).max(high[a]);
+                    low[a][0] = x.or(masks[v], inf).min(low[a][0]);
+                    low[a][1] = (-x).or(masks[v], inf).min(low[a][1]);
                 }
             }
             for a in 0..2 {
-                ends[a][0][end] = low[a].least() - by;
-                ends[a][1][end] = high[a].most() + by;
+                for side in 0..2 {
+                    ends[a][side][end] = low[a][side].least() - by;
+                }
             }
         }
-        let side = |a: usize| {
+        let halves = |[a, b, c]: [f32; 3]| {
             [
-                Chord::lower(ends[a][0][0], ends[a][0][1], length, least),
-                Chord::upper(ends[a][1][0], ends[a][1][1], length, least),
+                Chord::new([a, b], z[1] - z[0], least),
+                Chord::new([b, c], z[2] - z[1], least),
             ]
         };
+        let [x, y] = ends;
         Some(Beam {
             axes: [axes[0], axes[1], z_axis],
             mirrored,
-            z: [z0, z1],
+            z,
             times: if B::MOVING {
                 [least_time.least(), most_time.most()]
             } else {
                 [0.0; 2]
             },
-            sides: [side(0), side(1)],
+            sides: [x.map(halves), y.map(halves)],
         })
     }
 
@@ -270,18 +267,21 @@ impl Beam {
             (low, high)
         };
         let low = low.max(simd.all8(self.z[0]));
-        let high = high.min(simd.all8(self.z[1]));
+        let high = high.min(simd.all8(self.z[2]));
         let mut touched = low.le(high);
-        // Lengths from where the beam begins.
-        let begin = simd.all8(self.z[0]);
-        let z = [low - begin, high - begin];
+        // Lengths from where each half begins.
+        let mut halves = [[low, high]; 2];
+        for (between, &begin) in halves.iter_mut().zip(&self.z) {
+            let begin = simd.all8(begin);
+            *between = [low - begin, high - begin];
+        }
         for (sides, &axis) in self.sides.iter().zip(&self.axes) {
             let [lower, upper] = self.range(simd, bounds, axis);
-            let [left, right] = sides;
-            // The lower chord is lowest at one end, and the upper one highest.
-            let left = left.at(simd, z[usize::from(left.slope < 0.0)]);
-            let right = right.at(simd, z[usize::from(right.slope > 0.0)]);
-            touched = touched & left.le(upper) & lower.le(right);
+            for (side, most) in sides.iter().zip([upper, -lower]) {
+                let first = side[0].least(simd, &halves[0]);
+                let least = side[1].least(simd, &halves[1]).min(first);
+                touched = touched & least.le(most);
+            }
         }
         touched.bits() & valid
     }

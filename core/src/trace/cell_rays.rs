@@ -33,6 +33,15 @@ impl CellRays {
         rays: [[[0.0; 4]; 2]; PACKET],
     };
 
+    /// What must not be read.
+    pub(super) const SPOILED: CellRays = CellRays {
+        like: [u64::MAX; PACKET],
+        z_axis: [u8::MAX; PACKET],
+        key: [u32::MAX; PACKET],
+        fraction: [[f32::NAN; LANES]; VECTORS],
+        rays: [[[f32::NAN; 4]; 2]; PACKET],
+    };
+
     /// Prepares the rays `sound`, of which there is one or more. Of others nothing is said.
     #[inline(always)]
     pub fn set<S: Simd>(&mut self, simd: S, rays: &[Rays], sound: u64, key_times: &[f32]) {
@@ -97,6 +106,7 @@ impl CellRays {
             .zip(runs)
             .enumerate()
         {
+            // With one key or none, fractions are what they were: nobody asks for them.
             sheared.lanes(simd, &out.fraction[v], to);
         }
     }

@@ -100,13 +100,18 @@ pub type Ranges = [[[f32; 2]; LANES]; VECTORS];
 
 impl Slabs {
     /// Nothing.
-    pub const NONE: Slabs = Slabs {
-        to_start: [[[0.0; LANES]; VECTORS]; 3],
-        to_end: [[[0.0; LANES]; VECTORS]; 3],
-        base: [[[[0.0; 2]; LANES]; VECTORS]; 3],
-        sides: [[[[0.0; LANES]; VECTORS]; 3]; 2],
-        negative: [0; 3],
-    };
+    pub const NONE: Slabs = Slabs::filled(0.0, 0);
+
+    /// The same everywhere.
+    pub(super) const fn filled(x: f32, negative: u64) -> Slabs {
+        Slabs {
+            to_start: [[[x; LANES]; VECTORS]; 3],
+            to_end: [[[x; LANES]; VECTORS]; 3],
+            base: [[[[x; 2]; LANES]; VECTORS]; 3],
+            sides: [[[[x; LANES]; VECTORS]; 3]; 2],
+            negative: [negative; 3],
+        }
+    }
 }
 
 /// A packet prepared for the nodes of one tree.

@@ -1,7 +1,7 @@
 //! What a thread keeps between packets, so that nothing large is made, cleared or copied for each of them.
 
 use super::cell_rays::CellRays;
-use super::packet::{Rays, Slabs, VECTORS};
+use super::packet::{LANES, Rays, Slabs, VECTORS};
 use super::pairs::Pairs;
 use super::traverse_packet::{Queries, Waiting};
 
@@ -43,11 +43,33 @@ impl Space {
     };
 }
 
+impl Space {
+    /// What must not be read: in tests, every space that is taken holds this.
+    const SPOILED: Space = {
+        let slabs = Slabs::filled(f32::NAN, u64::MAX);
+        Space {
+            rays: [Rays {
+                origin: [[f32::NAN; LANES]; 3],
+                dir: [[f32::NAN; LANES]; 3],
+                time: [f32::NAN; LANES],
+            }; VECTORS],
+            slabs,
+            turned: slabs,
+            in_block: slabs,
+            cells: CellRays::SPOILED,
+        }
+    };
+}
+
 impl Room {
     /// What the rays of a packet look for: of an earlier one, still.
     #[inline(always)]
     pub fn take_queries(&mut self) -> Box<Queries> {
-        self.queries.take().unwrap_or_else(new_queries)
+        let mut queries = self.queries.take().unwrap_or_else(new_queries);
+        if cfg!(debug_assertions) {
+            *queries = Queries::SPOILED;
+        }
+        queries
     }
 
     /// Gives them back.
@@ -59,7 +81,11 @@ impl Room {
     /// A space that nobody else uses.
     #[inline(always)]
     pub fn take(&mut self) -> Box<Space> {
-        self.spaces.pop().unwrap_or_else(new_space)
+        let mut space = self.spaces.pop().unwrap_or_else(new_space);
+        if cfg!(debug_assertions) {
+            *space = Space::SPOILED;
+        }
+        space
     }
 
     /// Gives one back.

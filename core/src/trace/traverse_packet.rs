@@ -67,6 +67,27 @@ impl Queries {
         cells: [[0.0; LANES]; VECTORS],
     };
 
+    /// What must not be read: a hit of all rays, for instance.
+    pub const SPOILED: Queries = Queries {
+        any: true,
+        best: [Hit {
+            t: 0.0,
+            instance: 0,
+            ..Hit::MISS
+        }; PACKET],
+        ranges: [[[f32::NAN; 2]; LANES]; VECTORS],
+        t_min: [[f32::NAN; LANES]; VECTORS],
+        t_max: [[f32::NAN; LANES]; VECTORS],
+        counts: TraceCounts {
+            rays: u64::MAX / 2,
+            node_tests: u64::MAX / 2,
+            cell_tests: u64::MAX / 2,
+        },
+        each: true,
+        nodes: [[f32::NAN; LANES]; VECTORS],
+        cells: [[f32::NAN; LANES]; VECTORS],
+    };
+
     /// Between what each ray looks.
     #[inline(always)]
     fn spans(&self) -> Spans<'_> {
@@ -202,19 +223,22 @@ pub(super) fn walk_packet<S: Simd, B: Bounds8>(
                     continue;
                 }
             }
-            let found = enter_packet(simd, &node.bounds, valid, slabs, rays, queries.spans());
-            if found.children != 0 {
-                // The nearest child is next; the others wait, nearer ones on top.
-                let (slots, count) = found.by_distance(simd);
-                for &slot in slots[1..count].iter().rev() {
-                    room.waiting.push(Waiting {
-                        near: found.near(slot),
-                        at: node.children[slot],
-                        rays: found.rays[slot],
-                    });
+            if valid != 0 {
+                let spans = queries.spans();
+                let found = enter_packet(simd, &node.bounds, valid, slabs, rays, spans);
+                if found.children != 0 {
+                    // The nearest child is next; the others wait, nearer ones on top.
+                    let (slots, count) = found.by_distance(simd);
+                    for &slot in slots[1..count].iter().rev() {
+                        room.waiting.push(Waiting {
+                            near: found.near(slot),
+                            at: node.children[slot],
+                            rays: found.rays[slot],
+                        });
+                    }
+                    (at, rays) = (node.children[slots[0]], found.rays[slots[0]]);
+                    continue;
                 }
-                (at, rays) = (node.children[slots[0]], found.rays[slots[0]]);
-                continue;
             }
         }
         // Next subtree that does not start behind the best hits.
