@@ -1,8 +1,9 @@
 //! Slab tests of a packet against the children of a node, which are decoded once for all rays.
 //!
-//! One ray after the other is tested against all children, near and far planes side by side: of 64 rays, a node
-//! deep in a tree is met by a few, scattered over the packet, and what the end of a loop costs, where
-//! rays are many or few, is paid once a node.
+//! Few rays are tested one after the other, each against all children, near and far planes side by side: of 64 rays, a
+//! node deep in a tree is met by a few, scattered over the packet, and what the end of a loop costs, where rays are many
+//! or few, is paid once a node. Many rays are tested 16 at once, against one child after the other. The sums are the same
+//! in both ways, and so are the answers.
 
 use hdtrapeze_simd::{Float, Mask, Part, Simd};
 
@@ -216,6 +217,7 @@ fn each_of<S: Simd, B: Bounds8, const AGREE: bool>(
     }
 }
 
+/// True where there are more rays than tests of 16 of them against a child: those take as long, about.
 #[inline(always)]
 fn by_child_pays(lanes: u64, valid: u32) -> bool {
     let mut vectors = 0;

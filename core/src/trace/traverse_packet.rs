@@ -174,7 +174,8 @@ fn add<S: Simd>(simd: S, to: &mut All, rays: u64, more: f32) {
     }
 }
 
-/// Walks a tree with a packet; `turned` is room for rays in a node's frame. `leaf(item, rays, queries, room)` is called for items that some rays may hit.
+/// Walks a tree with a packet; `turned` is room for rays in a node's frame. `leaf(item, rays, queries, room)` is called
+/// for items that some rays may hit.
 #[inline(always)]
 pub(super) fn walk_packet<S: Simd, B: Bounds8>(
     simd: S,
