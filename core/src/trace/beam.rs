@@ -28,6 +28,8 @@ const STEEPEST: f32 = 2.0;
 const BEAM_PADS: f32 = 4.0;
 /// Fewer rays are tested one by one: a beam that holds the whole packet is wide for them.
 pub const BEAM_RAYS: u32 = 24;
+/// In smaller trees, making a beam takes longer than it saves.
+const BEAM_NODES: usize = 8;
 
 /// A line over z, from where a half of the beam begins.
 #[derive(Clone, Copy, Debug)]
@@ -77,7 +79,7 @@ pub struct Beam {
 
 impl Beam {
     /// The beam of a packet in a tree. `t_min` is where each ray begins to look. None where rays do not go the same way, or
-    /// the root of the tree is turned.
+    /// the tree is small or its root is turned.
     #[inline(always)]
     pub fn new<S: Simd, B: Bounds8>(
         simd: S,
@@ -86,7 +88,7 @@ impl Beam {
         t_min: &All,
     ) -> Option<Beam> {
         let root = tree.nodes.get(tree.root as usize)?;
-        if root.frame != 0 || packet.sound == 0 {
+        if root.frame != 0 || packet.sound == 0 || tree.nodes.len() < BEAM_NODES {
             return None;
         }
         Self::within(simd, packet, &root.bounds, t_min)
