@@ -37,9 +37,9 @@ class Pair:
 
 TRACED = [
     Pair("static", "static, rays with times"),
-    Pair("static, rays with times", "static, a still thing beside"),
-    Pair("static, rays with times", "static, a thing of moving points beside"),
-    Pair("static, rays with times", "static, a thing with a moving matrix beside"),
+    Pair("static, rays with times", "static, a still thing beside", "one more object"),
+    Pair("static, a still thing beside", "static, a thing of moving points beside"),
+    Pair("static, a still thing beside", "static, a thing with a moving matrix beside"),
 ]
 IMAGES = [
     Pair("still", "still, samples that are equal"),
