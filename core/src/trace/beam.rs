@@ -13,8 +13,9 @@
 //! within 3 pads of the box. In units of `U S`, with coordinates and `|z|` of at most `S` and slopes of at most 2,
 //! a line at an end is off by 11 (a difference by 1, which the slope doubles; the slope by 4, the product by 2, the sum by 3),
 //! moving it by 4 more, and the chord between, of up to 4 S, by 23 (difference, quotient, length, product and sum).
-//! Planes at a time are off by 9 in `x` and by 9 in `z`, which a slope doubles: 65 together, less than a pad, which is 80. So chords
-//! are moved by [`BEAM_PADS`] pads. The other half's chord only widens a beam, whatever it rounds there. Where the beam begins and ends is moved as far: what it rounds is less than that, too.
+//! Planes at a time are off by 9 in `x` and by 9 in `z`, which a slope doubles: 65 together, less than a pad, which is
+//! 80. So chords are moved by [`BEAM_PADS`] pads. The other half's chord only widens a beam, whatever it rounds there.
+//! Where the beam begins and ends is moved as far: what it rounds is less than that, too.
 
 use hdtrapeze_simd::{Float, Mask, Part, Simd};
 

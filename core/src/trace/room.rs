@@ -41,9 +41,7 @@ impl Space {
         in_block: Slabs::NONE,
         cells: CellRays::NONE,
     };
-}
 
-impl Space {
     /// What must not be read: in tests, every space that is taken holds this.
     const SPOILED: Space = {
         let slabs = Slabs::filled(f32::NAN, u64::MAX);
