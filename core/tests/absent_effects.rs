@@ -8,6 +8,7 @@ use std::sync::Arc;
 use glam::{DVec3, Vec2, Vec3};
 use hdtrapeze_core::bvh::block::Block;
 use hdtrapeze_core::bvh::object::Blas;
+use hdtrapeze_core::bvh::turn::Turn;
 use hdtrapeze_core::bvh::{BvhStats, Frame, LinearSlabs, Node, ObjectGeometry, StaticSlabs};
 use hdtrapeze_core::camera::Camera;
 use hdtrapeze_core::grid::Grid;
@@ -19,13 +20,16 @@ use trace_scenes::*;
 
 /// Bytes of a tree whose nodes and blocks are so large.
 fn tree_bytes(stats: &BvhStats, node: usize, block: usize, frames: usize) -> u64 {
-    stats.nodes * node as u64 + stats.blocks * block as u64 + (frames * size_of::<Frame>()) as u64
+    stats.nodes * node as u64 + stats.blocks * block as u64 + frames as u64
 }
 
+/// Bytes of frames.
 fn frames(object: &ObjectGeometry) -> usize {
     match object.blas() {
-        Blas::Static(t) => t.tree.frames.len(),
-        Blas::Moving(t) => t.tree.frames.len(),
+        Blas::Static(t) => size_of::<Frame>() * (t.tree.frames.len() + t.frames.len()),
+        Blas::Moving(t) => {
+            size_of::<Frame>() * t.tree.frames.len() + size_of::<Turn>() * t.frames.len()
+        }
         Blas::Relative(_) => 0,
     }
 }

@@ -12,6 +12,7 @@ use hdtrapeze_core::bvh::block::Block;
 use hdtrapeze_core::bvh::build::NEVER;
 use hdtrapeze_core::bvh::node::Lattice8;
 use hdtrapeze_core::bvh::object::{Blas, BlockTree, LOOSE};
+use hdtrapeze_core::bvh::turn::{Turn, Turning};
 use hdtrapeze_core::bvh::{Bounds8, Frame, Node, ObjectGeometry, Tree, U};
 use hdtrapeze_core::grid::PlanarMesh;
 use hdtrapeze_core::trace::parts::{Parts, Placement, Top};
@@ -30,6 +31,8 @@ use super::{Device, GpuError, pages, stack};
 pub(crate) type Unit = [u32; 4];
 
 const LEAF: u32 = Tree::<()>::LEAF;
+/// Set in the place of a frame that turns.
+const TURNS: u32 = 1 << 31;
 const EMPTY: u32 = Tree::<()>::EMPTY;
 /// Set in a reference to a node whose bounds move.
 pub(crate) const MOVES: u32 = 1 << 30;
@@ -598,9 +601,10 @@ impl Arrays {
         let first_block = self.nodes.len() as u32;
         let per_block = units(block_words::<B>());
         let frames = self.frames(&blocks.tree.frames);
+        let turns = self.turns(&blocks.frames);
         for block in &blocks.blocks {
-            let frame = frames[block.frame as usize];
-            self.nodes.extend(block_of(block, frame));
+            let turn = turns[block.frame as usize];
+            self.nodes.extend(block_of(block, turn));
         }
         let leaf = |item: u32| match item & LOOSE {
             0 => LEAF | (first_block + item * per_block),
@@ -622,6 +626,22 @@ impl Arrays {
             *place = self.words.len() as u32;
             let axes = frame.axes.iter().flat_map(|axis| axis.to_array());
             self.words.extend(axes.map(f32::to_bits));
+        }
+        places
+    }
+
+    /// The same of blocks, whose frames may turn.
+    fn turns<T: Turning>(&mut self, turns: &[T]) -> Vec<u32> {
+        if !T::TURNS {
+            let frames: Vec<Frame> = turns.iter().map(T::start).collect();
+            return self.frames(&frames);
+        }
+        let mut places = vec![0; turns.len().max(1)];
+        for (place, turn) in places.iter_mut().zip(turns).skip(1) {
+            *place = TURNS | self.words.len() as u32;
+            let Turn { axes, normals, bow } = turn.turn();
+            let floats = axes.iter().chain(&normals).flat_map(|axis| axis.to_array());
+            self.words.extend(floats.chain([bow]).map(f32::to_bits));
         }
         places
     }

@@ -10,8 +10,9 @@ use glam::Vec3;
 use hdtrapeze_simd::{Float, Kernel, Level, Mask, Simd};
 
 use super::block::{Block, CellRect, GROUPS, Span, halves, halving_pays, loose, loose_count};
-use super::group8::{Groups, Vertices, boxes};
+use super::group8::{Groups, Vertices, boxes, boxes_in};
 use super::lanes::{Boxes8, Ranges8};
+use super::turn::{Pose, Turning};
 use super::{Bounds8, COORDINATE_LIMIT, Frame, LinearBox};
 use crate::grid::planar::GridPlanes;
 use crate::grid::{Grid, PlanarMesh};
@@ -21,7 +22,7 @@ use crate::grid::{Grid, PlanarMesh};
 pub const TURN_COST: f32 = 0.3;
 
 /// What became of a block.
-pub enum Bounded<B> {
+pub enum Bounded<B: Bounds8> {
     /// Its groups are bounded.
     Block(BuiltBlock<B>),
     /// Its halves should be blocks.
@@ -31,13 +32,13 @@ pub enum Bounded<B> {
 }
 
 /// A block before its frame has a number.
-pub struct BuiltBlock<B> {
+pub struct BuiltBlock<B: Bounds8> {
     /// The block; its frame number is not set.
     pub block: Block<B>,
     /// Axis-aligned bounds of the block.
     pub aabb: LinearBox,
     /// Frame, if oriented bounds pay.
-    pub frame: Option<Frame>,
+    pub frame: Option<B::Turning>,
 }
 
 /// True when all coordinates of a grid's vertices are finite, and within [`COORDINATE_LIMIT`].
@@ -89,11 +90,11 @@ pub fn bound_loose(level: Level, planes: &GridPlanes<'_>) -> Option<[LinearBox; 
 
 /// Bounds in a frame of 1 to [`GROUPS`] groups of grids whose vertices are finite and within
 /// [`COORDINATE_LIMIT`]; each is a grid and its micropolygons.
-pub fn bound_groups(
+pub fn bound_groups<T: Turning>(
     level: Level,
     mesh: &PlanarMesh,
     groups: &[(u32, CellRect)],
-    frame: &Frame,
+    frame: &T,
 ) -> [LinearBox; GROUPS] {
     level.run(BoundGroups {
         mesh,
@@ -173,9 +174,9 @@ impl<B: Bounds8> Kernel for Bound<'_, B> {
         // So have boxes of any frame: where that saves nothing, none is tried.
         if !upright
             && surface + turn < cost
-            && let Some(candidate) = frame_of(u, v, &span)
+            && let Some(candidate) = turning_of::<B::Turning>(planes, &span, (u, v), keep)
         {
-            let turned = boxes(simd, vertices, &groups, Some(&candidate));
+            let turned = boxes_in(simd, vertices, &groups, &candidate);
             if turned.area(simd, B::MOVING, span.count) + turn < cost {
                 (best, frame) = (turned, Some(candidate));
             }
@@ -192,13 +193,13 @@ impl<B: Bounds8> Kernel for Bound<'_, B> {
     }
 }
 
-struct BoundGroups<'a> {
+struct BoundGroups<'a, T> {
     mesh: &'a PlanarMesh,
     groups: &'a [(u32, CellRect)],
-    frame: &'a Frame,
+    frame: &'a T,
 }
 
-impl Kernel for BoundGroups<'_> {
+impl<T: Turning> Kernel for BoundGroups<'_, T> {
     type Output = [LinearBox; GROUPS];
 
     #[inline(always)]
@@ -215,7 +216,7 @@ impl Kernel for BoundGroups<'_> {
             moving: self.mesh.is_moving(),
             one_grid: false,
         };
-        boxes(simd, vertices, &groups, Some(self.frame)).to_boxes()
+        boxes_in(simd, vertices, &groups, self.frame).to_boxes()
     }
 }
 
@@ -288,14 +289,55 @@ fn part<S: Simd>(simd: S, boxes: &Boxes8<S::F8>, lanes: <S::F8 as Float<8>>::Mas
     Boxes8 { start, end }.hull()
 }
 
+/// The frame along a block's edges, given as they are in mid-shutter; with `fixed`, or where there are keys between the ends,
+/// one that does not turn.
+#[inline(always)]
+fn turning_of<T: Turning>(
+    planes: &GridPlanes<'_>,
+    span: &Span,
+    (u, v): (Vec3, Vec3),
+    fixed: bool,
+) -> Option<T> {
+    if fixed || !T::TURNS || planes.key_times.len() != 2 {
+        return frame_of(u, v, span).map(T::fixed);
+    }
+    let corners = [corners(planes, span, 0), corners(planes, span, 1)];
+    let [[u0, v0], [u1, v1]] = [edges(corners[0]), edges(corners[1])];
+    let along_u = runs_along_u((u0 + u1, v0 + v1), span);
+    let [start, end] = [
+        pose(corners[0], [u0, v0], along_u)?,
+        pose(corners[1], [u1, v1], along_u)?,
+    ];
+    Some(T::between(&start, &end))
+}
+
+#[inline(always)]
+fn pose([a, b, c, d]: [Vec3; 4], [u, v]: [Vec3; 2], along_u: bool) -> Option<Pose> {
+    Some(Pose {
+        frame: frame_along(u, v, along_u)?,
+        edges: [u, v],
+        middle: ((a + b) + (c + d)) * 0.25,
+    })
+}
+
 /// The frame along a block's edges. Of both that lie in its plane, the one that groups fill more: along the longer of
 /// their edges.
 #[inline(always)]
 fn frame_of(u: Vec3, v: Vec3, span: &Span) -> Option<Frame> {
+    frame_along(u, v, runs_along_u((u, v), span))
+}
+
+#[inline(always)]
+fn runs_along_u((u, v): (Vec3, Vec3), span: &Span) -> bool {
     let share = |group: u8, block: u8| f32::from(group) / f32::from(block);
     let along_u = u.length() * share(span.group[0], span.rect.w);
     let along_v = v.length() * share(span.group[1], span.rect.h);
-    if along_u >= along_v {
+    along_u >= along_v
+}
+
+#[inline(always)]
+fn frame_along(u: Vec3, v: Vec3, along_u: bool) -> Option<Frame> {
+    if along_u {
         Frame::from_edges(u, v)
     } else {
         Frame::from_edges(v, u)
@@ -305,10 +347,20 @@ fn frame_of(u: Vec3, v: Vec3, span: &Span) -> Option<Frame> {
 /// The block's edges along u and v, each the mean of the two that face each other, in mid-shutter.
 #[inline(always)]
 fn lattice_edges(planes: &GridPlanes<'_>, span: &Span) -> (Vec3, Vec3) {
+    let [u, v] = edges(corners(planes, span, planes.key_times.len() / 2));
+    (u, v)
+}
+
+/// Corners of a block at a key, u the faster.
+#[inline(always)]
+fn corners(planes: &GridPlanes<'_>, span: &Span, key: usize) -> [Vec3; 4] {
     let stride = usize::from(planes.grid.nu) + 1;
     let [i, j, w, h] = [span.rect.i, span.rect.j, span.rect.w, span.rect.h].map(usize::from);
-    let key = planes.key_times.len() / 2;
     let at = |x: usize, y: usize| planes.position(key, (j + y) * stride + i + x);
-    let (a, b, c, d) = (at(0, 0), at(w, 0), at(0, h), at(w, h));
-    (((b - a) + (d - c)) * 0.5, ((c - a) + (d - b)) * 0.5)
+    [at(0, 0), at(w, 0), at(0, h), at(w, h)]
+}
+
+#[inline(always)]
+fn edges([a, b, c, d]: [Vec3; 4]) -> [Vec3; 2] {
+    [((b - a) + (d - c)) * 0.5, ((c - a) + (d - b)) * 0.5]
 }

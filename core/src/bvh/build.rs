@@ -91,21 +91,19 @@ pub enum Nodes {
 pub fn build_items<B: Bounds8>(items: Vec<Item>, kind: Nodes, cancel: &AtomicBool) -> Tree<B> {
     let sorted = items.par_iter().map(Sorted::of).collect();
     drop(items);
-    build_sorted(vec![sorted], vec![Frame::IDENTITY], kind, None, cancel)
+    build_sorted(vec![sorted], kind, None, cancel)
 }
 
-/// Builds the tree over items, given in parts, as [`build_items`]; its frames come after those given. With `strands`, which bounds
-/// items that have a direction, ranges are turned where that pays.
+/// Builds the tree over items, given in parts, as [`build_items`]. With `strands`, which bounds items that have a direction, ranges are turned where that pays.
 pub fn build_sorted<B: Bounds8>(
     parts: Vec<Vec<Sorted<B::Hull>>>,
-    frames: Vec<Frame>,
     kind: Nodes,
     strands: Option<&Strands<'_>>,
     cancel: &AtomicBool,
 ) -> Tree<B> {
     let mut tree = Tree {
         nodes: Vec::new(),
-        frames,
+        frames: vec![Frame::IDENTITY],
         root: Tree::<B>::EMPTY,
     };
     let below = Below {

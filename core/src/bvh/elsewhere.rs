@@ -10,7 +10,7 @@ use super::{Bounds8, LinearBox};
 use crate::grid::PlanarMesh;
 
 /// The items of a grid.
-pub enum Items<B> {
+pub enum Items<B: Bounds8> {
     /// Boxes of loose groups.
     Loose(Vec<LinearBox>),
     /// Blocks, whose frames have no numbers.

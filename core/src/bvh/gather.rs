@@ -17,7 +17,8 @@ use super::build::Item;
 use super::object::{LOOSE_GRIDS, loose_item};
 use super::orient::direction;
 use super::sorted::Sorted;
-use super::{Bounds8, Frame, LinearBox};
+use super::turn::Turning;
+use super::{Bounds8, LinearBox};
 use crate::grid::planar::{GridPlanes, Run};
 use crate::grid::{DicedMesh, PlanarMesh};
 
@@ -29,7 +30,7 @@ pub struct Part<B: Bounds8> {
     /// Blocks. Their frames are numbered from 1.
     pub blocks: Vec<Block<B>>,
     /// Frames of the blocks.
-    pub frames: Vec<Frame>,
+    pub frames: Vec<B::Turning>,
     /// Blocks by number, and loose groups, numbered as the tree does.
     pub items: Vec<Sorted<B::Hull>>,
     /// Those of the loose groups that are parts of strips.
@@ -151,7 +152,7 @@ pub struct Gathered<B: Bounds8> {
     /// Blocks, in the order of grids.
     pub blocks: Vec<Block<B>>,
     /// Their frames; number 0 is the identity.
-    pub frames: Vec<Frame>,
+    pub frames: Vec<B::Turning>,
     /// Items, by part.
     pub items: Vec<Vec<Sorted<B::Hull>>>,
 }
@@ -162,7 +163,7 @@ pub fn joined<B: Bounds8>(parts: Vec<Part<B>>) -> Gathered<B> {
     let mut blocks = Vec::with_capacity(sum(|p| p.blocks.len()));
     let mut items = Vec::with_capacity(parts.len());
     let mut frames = Vec::with_capacity(sum(|p| p.frames.len()) + 1);
-    frames.push(Frame::IDENTITY);
+    frames.push(B::Turning::IDENTITY);
     for mut part in parts {
         let (block_base, frame_base) = (blocks.len() as u32, frames.len() as u32 - 1);
         for block in part.blocks.iter_mut().filter(|b| b.frame != 0) {

@@ -8,6 +8,7 @@ use hdtrapeze_simd::{Float, Simd};
 
 use super::block::{CellRect, GROUP, GROUPS, Span};
 use super::lanes::{Boxes8, Ranges8};
+use super::turn::{BOW_PAD, BOWED_PAD, Turning};
 use super::{Frame, ROTATION_PAD, ROTATION_TINY};
 use crate::grid::Grid;
 
@@ -105,26 +106,70 @@ pub fn boxes<S: Simd>(
     groups: &Groups,
     frame: Option<&Frame>,
 ) -> Boxes8<S::F8> {
-    let start = ranges(simd, vertices, groups, 0, frame);
+    let start = ranges(simd, vertices, groups, Of::Key(0), frame);
     // Known when this is compiled, so that nothing is computed twice.
     if !vertices.moving {
         return Boxes8 { start, end: start };
     }
     let key_times = vertices.key_times;
     let last = key_times.len() - 1;
-    let end = ranges(simd, vertices, groups, last, frame);
+    let end = ranges(simd, vertices, groups, Of::Key(last), frame);
     let found = Boxes8 { start, end };
     if last < 2 {
         return found;
     }
     let mut raised = found.to_boxes();
     for (k, &time) in key_times.iter().enumerate().take(last).skip(1) {
-        let (lo, hi) = ranges(simd, vertices, groups, k, frame).to_vectors();
+        let (lo, hi) = ranges(simd, vertices, groups, Of::Key(k), frame).to_vectors();
         for (slot, b) in raised.iter_mut().enumerate() {
             b.raise(time, lo[slot], hi[slot]);
         }
     }
     Boxes8::of(simd, &raised)
+}
+
+/// Bounds over the shutter in a frame that may turn: only where there are two keys.
+#[inline(always)]
+pub fn boxes_in<S: Simd, T: Turning>(
+    simd: S,
+    vertices: Vertices<'_>,
+    groups: &Groups,
+    frame: &T,
+) -> Boxes8<S::F8> {
+    let at_start = frame.start();
+    let turn = frame.turn();
+    if !T::TURNS || vertices.key_times.len() != 2 || turn.normals[0] == turn.normals[1] {
+        return boxes(simd, vertices, groups, Some(&at_start));
+    }
+    let [x, y] = turn.axes;
+    let at_end = Frame {
+        axes: [x, y, turn.normals[1]],
+    };
+    let step = Frame {
+        axes: [Vec3::ZERO, Vec3::ZERO, turn.step()],
+    };
+    let mut start = ranges(simd, vertices, groups, Of::Key(0), Some(&at_start));
+    let mut end = ranges(simd, vertices, groups, Of::Key(1), Some(&at_end));
+    let bows = ranges(simd, vertices, groups, Of::Step, Some(&step));
+    let (zero, quarter) = (simd.all8(0.0), simd.all8(0.25));
+    let (bow, pad) = (simd.all8(turn.bow), simd.all8(BOWED_PAD));
+    let below = (bows.hi[2] - bow).max(zero) * quarter;
+    let above = (bow - bows.lo[2]).max(zero) * quarter;
+    for bounds in [&mut start, &mut end] {
+        let (lo, hi) = (bounds.lo[2], bounds.hi[2]);
+        bounds.lo[2] = (lo - below) - (lo.abs() + below) * pad;
+        bounds.hi[2] = (hi + above) + (hi.abs() + above) * pad;
+    }
+    Boxes8 { start, end }
+}
+
+/// What ranges are of.
+#[derive(Clone, Copy)]
+enum Of {
+    /// Vertices at a key.
+    Key(usize),
+    /// What vertices do from the first key to the second.
+    Step,
 }
 
 /// Ranges of coordinates at key `k`, widened for the rounding of the rotation where there is one.
@@ -133,12 +178,12 @@ fn ranges<S: Simd>(
     simd: S,
     vertices: Vertices<'_>,
     groups: &Groups,
-    k: usize,
+    of: Of,
     frame: Option<&Frame>,
 ) -> Ranges8<S::F8> {
-    let a = ranges_of_4(simd, vertices, groups, 0, k, frame);
+    let a = ranges_of_4(simd, vertices, groups, 0, of, frame);
     let b = if groups.more_than_4 {
-        ranges_of_4(simd, vertices, groups, 1, k, frame)
+        ranges_of_4(simd, vertices, groups, 1, of, frame)
     } else {
         a
     };
@@ -174,7 +219,7 @@ fn ranges_of_4<S: Simd>(
     vertices: Vertices<'_>,
     groups: &Groups,
     half: usize,
-    k: usize,
+    of: Of,
     frame: Option<&Frame>,
 ) -> Columns<S::F16> {
     let (above, below) = (simd.all16(f32::INFINITY), simd.all16(f32::NEG_INFINITY));
@@ -184,7 +229,7 @@ fn ranges_of_4<S: Simd>(
         simd,
         vertices,
         groups,
-        (&rows[0], half, k),
+        (&rows[0], half, of),
         frame,
         &mut found,
     );
@@ -192,7 +237,7 @@ fn ranges_of_4<S: Simd>(
         simd,
         vertices,
         groups,
-        (&rows[1], half, k),
+        (&rows[1], half, of),
         frame,
         &mut found,
     );
@@ -200,7 +245,7 @@ fn ranges_of_4<S: Simd>(
         simd,
         vertices,
         groups,
-        (&rows[2], half, k),
+        (&rows[2], half, of),
         frame,
         &mut found,
     );
@@ -213,16 +258,47 @@ fn ranges_of_4<S: Simd>(
     (lo, hi)
 }
 
-/// Takes in a row of vertices of 4 groups, given where rows begin, which half it is, and the key.
+/// Takes in a row of vertices of 4 groups, given where rows begin, which half it is, and what is asked for.
 #[inline(always)]
 fn row<S: Simd>(
     simd: S,
     vertices: Vertices<'_>,
     groups: &Groups,
-    (rows, half, k): (&[usize; GROUPS], usize, usize),
+    (rows, half, of): (&[usize; GROUPS], usize, Of),
     frame: Option<&Frame>,
     found: &mut Columns<S::F16>,
 ) {
+    let (mut x, mut y, mut z);
+    match of {
+        Of::Key(k) => [x, y, z] = row_at(simd, vertices, groups, rows, half, k),
+        Of::Step => {
+            let from = row_at(simd, vertices, groups, rows, half, 0);
+            [x, y, z] = row_at(simd, vertices, groups, rows, half, 1);
+            for side in 0..2 {
+                x[side] = x[side] - from[0][side];
+                y[side] = y[side] - from[1][side];
+                z[side] = z[side] - from[2][side];
+            }
+        }
+    }
+    let pad = match of {
+        Of::Key(_) => ROTATION_PAD,
+        Of::Step => BOW_PAD,
+    };
+    take_in(simd, [x[0], y[0], z[0]], pad, frame, found);
+    take_in(simd, [x[1], y[1], z[1]], pad, frame, found);
+}
+
+/// A row of vertices of 4 groups at a key, and those one later.
+#[inline(always)]
+fn row_at<S: Simd>(
+    simd: S,
+    vertices: Vertices<'_>,
+    groups: &Groups,
+    rows: &[usize; GROUPS],
+    half: usize,
+    k: usize,
+) -> [[S::F16; 2]; 3] {
     let first = 4 * half;
     let at = [
         rows[first],
@@ -230,7 +306,7 @@ fn row<S: Simd>(
         rows[first + 2],
         rows[first + 3],
     ];
-    let [x, y, z] = if vertices.one_grid {
+    if vertices.one_grid {
         let n = groups.plane[0];
         let x = &vertices.planes[3 * k * n..];
         let planes = [x, &x[n..], &x[2 * n..]];
@@ -261,9 +337,7 @@ fn row<S: Simd>(
             simd.rows(vertices.planes, y),
             simd.rows(vertices.planes, plus(y, step)),
         ]
-    };
-    take_in(simd, [x[0], y[0], z[0]], frame, found);
-    take_in(simd, [x[1], y[1], z[1]], frame, found);
+    }
 }
 
 /// Takes in 16 vertices.
@@ -271,6 +345,7 @@ fn row<S: Simd>(
 fn take_in<S: Simd>(
     simd: S,
     p: [S::F16; 3],
+    pad: f32,
     frame: Option<&Frame>,
     (lo, hi): &mut Columns<S::F16>,
 ) {
@@ -282,7 +357,7 @@ fn take_in<S: Simd>(
         return;
     };
     let [x, y, z] = p;
-    let pad = (x.abs() + y.abs() + z.abs()) * simd.all16(ROTATION_PAD);
+    let pad = (x.abs() + y.abs() + z.abs()) * simd.all16(pad);
     for axis in 0..3 {
         let a: Vec3 = frame.axes[axis];
         let q = x * simd.all16(a.x) + y * simd.all16(a.y) + z * simd.all16(a.z);

@@ -12,14 +12,15 @@
 //! **Why it holds.** The largest of several functions that are linear in time lies below its chord;
 //! so on one fixed set of axes, bounds at both ends, interpolated, contain all vertices that move
 //! linearly between. Vertices with more keys move linearly between neighbouring keys; the chord
-//! over the whole shutter is raised by its largest excess at an inner key ([`linear`]).
+//! over the whole shutter is raised by its largest excess at an inner key ([`linear`]). Where a block's frame turns,
+//! the same is said of coordinates along axes that move ([`turn`]).
 //!
 //! **Shape.** A grid is cut into *blocks* of up to 8x8 micropolygons ([`block`]). A block is one node
 //! with 8 implicit children, each a *group* of up to 4x2 micropolygons: no pointers. Small grids and tilted
 //! strands need no block: the tree refers to their groups ([`gather`]). Over all stands a tree of 8-wide nodes
 //! ([`build`]), built by binned SAH on the time-averaged area. The 8 children of a node share one frame
 //! ([`frame`]): the identity (an AABB) or a rotation, chosen where surface-area cost says that it pays, for single
-//! blocks ([`bound`]) and for subtrees over strands ([`orient`]). What does not move stores no second bounds: all
+//! blocks ([`bound`]), whose frames follow a normal that turns ([`turn`]), and for subtrees over strands ([`orient`]). What does not move stores no second bounds: all
 //! nodes are generic over [`node::Bounds8`].
 //!
 //! **Curves.** Where raised chords bound motion badly, trees are built in a space that moves along with the
@@ -47,6 +48,7 @@ pub mod outline;
 pub mod relative;
 pub mod sorted;
 mod split;
+pub mod turn;
 
 pub use build::Tree;
 pub use frame::Frame;

@@ -15,10 +15,11 @@
 use glam::DVec3;
 use hdtrapeze_simd::{Float, Kernel, Level, Simd};
 
-use super::LinearBox;
 use super::lanes::{Boxes8, Ranges8};
 use super::linear::round_up;
 use super::sorted::{Hull, LinearHull, StaticHull};
+use super::turn::{Turn, Turning};
+use super::{Frame, LinearBox};
 
 /// Bytes of 8 children: `[axis][0 lower, 1 upper][child]`.
 type Bytes = [[[u8; 8]; 2]; 3];
@@ -31,6 +32,8 @@ pub trait Bounds8: Clone + Copy + Send + Sync + std::fmt::Debug + 'static {
     const KEYS: bool = Self::MOVING;
     /// The boxes that a tree of this kind is built by.
     type Hull: Hull;
+    /// What its blocks are turned by.
+    type Turning: Turning;
     /// Packs the boxes of children, outward. Boxes in lanes without a child must be among those of the others.
     fn pack<S: Simd>(simd: S, boxes: &Boxes8<S::F8>) -> Self;
     /// The box of one child, as stored.
@@ -197,6 +200,7 @@ impl Lattice8 {
 impl Bounds8 for StaticSlabs {
     const MOVING: bool = false;
     type Hull = StaticHull;
+    type Turning = Frame;
     #[inline(always)]
     fn pack<S: Simd>(simd: S, boxes: &Boxes8<S::F8>) -> Self {
         // A box that moves is contained by the union of its two ends.
@@ -236,6 +240,7 @@ impl Bounds8 for CarriedSlabs {
     const MOVING: bool = false;
     const KEYS: bool = true;
     type Hull = StaticHull;
+    type Turning = Frame;
     #[inline(always)]
     fn pack<S: Simd>(simd: S, boxes: &Boxes8<S::F8>) -> Self {
         Self(StaticSlabs::pack(simd, boxes))
@@ -256,6 +261,7 @@ impl Bounds8 for CarriedSlabs {
 impl Bounds8 for LinearSlabs {
     const MOVING: bool = true;
     type Hull = LinearHull;
+    type Turning = Turn;
     #[inline(always)]
     fn pack<S: Simd>(simd: S, boxes: &Boxes8<S::F8>) -> Self {
         Self {

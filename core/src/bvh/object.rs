@@ -43,14 +43,16 @@ pub fn loose_group(item: u32) -> Option<(u32, u32)> {
 
 /// Tree and blocks of one object.
 #[derive(Clone, Debug)]
-pub struct BlockTree<B> {
-    /// Tree over blocks, by number, and [loose groups](loose_group). Blocks use its frames too.
+pub struct BlockTree<B: Bounds8> {
+    /// Tree over blocks, by number, and [loose groups](loose_group).
     pub tree: Tree<B>,
+    /// Frames of the blocks; number 0 is the identity.
+    pub frames: Vec<B::Turning>,
     /// Blocks, in the order of grids.
     pub blocks: Vec<Block<B>>,
 }
 
-impl<B> BlockTree<B> {
+impl<B: Bounds8> BlockTree<B> {
     /// Of nothing.
     const EMPTY: Self = Self {
         tree: Tree {
@@ -58,6 +60,7 @@ impl<B> BlockTree<B> {
             frames: Vec::new(),
             root: Tree::<B>::EMPTY,
         },
+        frames: Vec::new(),
         blocks: Vec::new(),
     };
 }
@@ -279,7 +282,7 @@ fn bounds_reach(bounds: &LinearBox) -> f32 {
 }
 
 /// A mesh and its tree.
-pub(super) struct Blocks<B> {
+pub(super) struct Blocks<B: Bounds8> {
     mesh: PlanarMesh,
     pub tree: BlockTree<B>,
     bounds: LinearBox,
@@ -289,7 +292,7 @@ pub(super) struct Blocks<B> {
     pub stats: BvhStats,
 }
 
-impl<B> Blocks<B> {
+impl<B: Bounds8> Blocks<B> {
     fn object(self, kind: impl Fn(BlockTree<B>) -> Blas) -> ObjectGeometry {
         ObjectGeometry {
             mesh: Arc::new(self.mesh),
@@ -333,7 +336,6 @@ pub(super) fn build_blocks<B: Bounds8>(mesh: DicedMesh, full: bool, upright: boo
     };
     let tree: Tree<B> = build_sorted(
         items,
-        frames,
         nodes,
         (strips > 0 && !upright).then_some(&strands),
         &NEVER,
@@ -358,12 +360,17 @@ pub(super) fn build_blocks<B: Bounds8>(mesh: DicedMesh, full: bool, upright: boo
         oriented_blocks,
         cells: mesh.cell_count() as u64,
         dropped_grids: dropped,
-        bvh_bytes: (tree.bytes() + size_of_val(blocks.as_slice())) as u64,
+        bvh_bytes: (tree.bytes() + size_of_val(blocks.as_slice()) + size_of_val(frames.as_slice()))
+            as u64,
         mesh_bytes: mesh.bytes() as u64,
     };
     Blocks {
         mesh,
-        tree: BlockTree { tree, blocks },
+        tree: BlockTree {
+            tree,
+            frames,
+            blocks,
+        },
         bounds,
         radius,
         stats,

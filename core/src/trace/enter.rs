@@ -117,8 +117,7 @@ impl<S: Simd, B: Bounds8> Part<S> for Enter<'_, B> {
             spans,
         } = self;
         let planes = Planes::new(simd, bounds);
-        let uniform = |n: &u64| n & lanes == 0 || n & lanes == lanes;
-        let agree = slabs.negative.iter().all(uniform);
+        let agree = slabs.agree(lanes);
         let ranges = spans.pairs;
         if agree && by_child_pays(lanes, valid) {
             each_child::<S, B>(simd, &planes, valid, slabs, lanes, spans)
@@ -219,7 +218,7 @@ fn each_of<S: Simd, B: Bounds8, const AGREE: bool>(
 
 /// True where there are more rays than tests of 16 of them against a child: those take as long, about.
 #[inline(always)]
-fn by_child_pays(lanes: u64, valid: u32) -> bool {
+pub fn by_child_pays(lanes: u64, valid: u32) -> bool {
     let mut vectors = 0;
     for v in 0..VECTORS {
         vectors += u32::from(part(lanes, v) != 0);

@@ -7,7 +7,8 @@ use glam::Vec3;
 use hdtrapeze_simd::{Float, Mask, Part, Simd};
 
 use super::object_ray::{DIR_RANGE, LEAST_DIR, SLAB_PAD, TINY_PAD};
-use crate::bvh::{COORDINATE_LIMIT, Frame, U};
+use crate::bvh::turn::{TURN_PADS, Turning};
+use crate::bvh::{COORDINATE_LIMIT, U};
 
 /// Rays of a vector.
 pub const LANES: usize = 16;
@@ -95,12 +96,26 @@ pub struct Slabs {
     pub(super) negative: [u64; 3],
 }
 
+/// Which of [`Slabs`]'s forms of the same numbers are set.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Form {
+    /// Both.
+    Both,
+    /// `sides`, for many rays against each child.
+    Apart,
+    /// `base`, for each ray against all children.
+    InTurns,
+}
+
 /// Two numbers a ray of a packet: on the near side, and mirrored on the far side.
 pub type Ranges = [[[f32; 2]; LANES]; VECTORS];
 
 impl Slabs {
     /// Nothing.
     pub const NONE: Slabs = Slabs::filled(0.0, 0);
+
+    /// What must not be read.
+    pub const SPOILED: Slabs = Slabs::filled(f32::NAN, u64::MAX);
 
     /// The same everywhere.
     pub(super) const fn filled(x: f32, negative: u64) -> Slabs {
@@ -186,7 +201,8 @@ impl<'a, S: Simd> Packet<'a, S> {
             packet.pad[v] = pad;
             packet.smallest_dir[v] = longest * simd.all16(U);
             let rays = (origin, dir, packet.time[v]);
-            packet.slabs.set(simd, v, rays, pad, packet.smallest_dir[v]);
+            let pads = (pad, packet.smallest_dir[v]);
+            packet.slabs.set(simd, v, rays, pads, MOVING, Form::Both);
         }
         packet
     }
@@ -203,17 +219,45 @@ impl<'a, S: Simd> Packet<'a, S> {
         self.pad[v]
     }
 
-    /// The rays `lanes` turned into a node's frame; vectors with none of them are left as they are.
+    /// The rays `lanes` turned into a frame, in a tree whose bounds are `moving`; vectors with none of them are left as
+    /// they are. Only what `form` names is set.
     #[inline(always)]
-    pub fn turn(&self, frame: &Frame, lanes: u64, to: &mut Slabs) {
+    pub fn turn<T: Turning>(
+        &self,
+        frame: &T,
+        lanes: u64,
+        moving: bool,
+        form: Form,
+        to: &mut Slabs,
+    ) {
+        let simd = self.simd;
+        let turn = frame.turn();
+        let [x, y] = turn.axes;
+        let (z, step) = (turn.normals[0], turn.step());
         for (v, rays) in self.rays.iter().enumerate().take(VECTORS) {
             if part(lanes, v) == 0 {
                 continue;
             }
-            let origin = turn(self.simd, load3(self.simd, &rays.origin), frame);
-            let dir = turn(self.simd, load3(self.simd, &rays.dir), frame);
-            let rays = (origin, dir, self.time[v]);
-            to.set(self.simd, v, rays, self.pad[v], self.smallest_dir[v]);
+            let (p, d) = (load3(simd, &rays.origin), load3(simd, &rays.dir));
+            let (x, y) = (all3(simd, x), all3(simd, y));
+            let mut z = all3(simd, z);
+            let mut pad = self.pad[v];
+            let time = self.time[v];
+            if T::TURNS {
+                let step = all3(simd, step);
+                for (z, step) in z.iter_mut().zip(step) {
+                    *z = step.mul_add(time, *z);
+                }
+                pad = pad * simd.all16(TURN_PADS);
+            }
+            let mut origin = [along(&x, &p), along(&y, &p), along(&z, &p)];
+            let dir = [along(&x, &d), along(&y, &d), along(&z, &d)];
+            if T::TURNS {
+                let bow = time * (simd.all16(1.0) - time);
+                origin[2] = bow.mul_add(simd.all16(turn.bow), origin[2]);
+            }
+            let rays = (origin, dir, time);
+            to.set(simd, v, rays, (pad, self.smallest_dir[v]), moving, form);
         }
     }
 }
@@ -293,17 +337,40 @@ pub fn load3<S: Simd>(simd: S, x: &[Lanes; 3]) -> [S::F16; 3] {
     [simd.from16(&x[0]), simd.from16(&x[1]), simd.from16(&x[2])]
 }
 
-/// As [`Frame::turn`].
 #[inline(always)]
-fn turn<S: Simd>(simd: S, v: [S::F16; 3], frame: &Frame) -> [S::F16; 3] {
-    let mut out = v;
-    for (out, a) in out.iter_mut().zip(&frame.axes) {
-        *out = v[0] * simd.all16(a.x) + v[1] * simd.all16(a.y) + v[2] * simd.all16(a.z);
-    }
-    out
+fn all3<S: Simd>(simd: S, v: Vec3) -> [S::F16; 3] {
+    [simd.all16(v.x), simd.all16(v.y), simd.all16(v.z)]
+}
+
+/// The coordinate along an axis.
+#[inline(always)]
+fn along<F: Float<LANES>>(axis: &[F; 3], v: &[F; 3]) -> F {
+    let [x, y, z] = *v;
+    z.mul_add(axis[2], y.mul_add(axis[1], x * axis[0]))
 }
 
 impl Slabs {
+    /// True where the rays `lanes` go in the same direction along each axis.
+    #[inline(always)]
+    pub fn agree(&self, lanes: u64) -> bool {
+        let uniform = |n: &u64| n & lanes == 0 || n & lanes == lanes;
+        self.negative.iter().all(uniform)
+    }
+
+    /// Sets [`Form::InTurns`] where [`Form::Apart`] is set.
+    #[inline(always)]
+    pub fn pair<S: Simd>(&mut self, simd: S, lanes: u64) {
+        for v in 0..VECTORS {
+            if part(lanes, v) == 0 {
+                continue;
+            }
+            for a in 0..3 {
+                let [near, far] = [&self.sides[0][a][v], &self.sides[1][a][v]];
+                self.base[a][v] = in_turns(simd, simd.from16(near), simd.from16(far));
+            }
+        }
+    }
+
     /// Prepares a vector of rays.
     #[inline(always)]
     fn set<S: Simd>(
@@ -311,8 +378,9 @@ impl Slabs {
         simd: S,
         v: usize,
         (origin, dir, time): ([S::F16; 3], [S::F16; 3], S::F16),
-        pad: S::F16,
-        smallest_dir: S::F16,
+        (pad, smallest_dir): (S::F16, S::F16),
+        moving: bool,
+        form: Form,
     ) {
         let (zero, one) = (simd.all16(0.0), simd.all16(1.0));
         for a in 0..3 {
@@ -320,12 +388,23 @@ impl Slabs {
             let d = dir[a].abs();
             let inverse = one.over(smallest_dir.or(d.lt(smallest_dir), d));
             let origin = (-origin[a]).or(negative, origin[a]);
-            self.to_start[a][v] = ((one - time) * inverse).to_array();
-            self.to_end[a][v] = (time * inverse).to_array();
+            let to_start = if moving {
+                (one - time) * inverse
+            } else {
+                inverse
+            };
+            self.to_start[a][v] = to_start.to_array();
+            if moving {
+                self.to_end[a][v] = (time * inverse).to_array();
+            }
             let (near, far) = ((origin + pad) * -inverse, (origin - pad) * inverse);
-            self.base[a][v] = in_turns(simd, near, far);
-            self.sides[0][a][v] = near.to_array();
-            self.sides[1][a][v] = far.to_array();
+            if form != Form::Apart {
+                self.base[a][v] = in_turns(simd, near, far);
+            }
+            if form != Form::InTurns {
+                self.sides[0][a][v] = near.to_array();
+                self.sides[1][a][v] = far.to_array();
+            }
             let shift = LANES * v;
             let kept = self.negative[a] & !(0xffff << shift);
             self.negative[a] = kept | u64::from(negative.bits()) << shift;

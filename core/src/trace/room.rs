@@ -44,7 +44,7 @@ impl Space {
 
     /// What must not be read: in tests, every space that is taken holds this.
     const SPOILED: Space = {
-        let slabs = Slabs::filled(f32::NAN, u64::MAX);
+        let slabs = Slabs::SPOILED;
         Space {
             rays: [Rays {
                 origin: [[f32::NAN; LANES]; 3],

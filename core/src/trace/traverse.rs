@@ -170,7 +170,7 @@ pub(super) fn walk<S: Simd, B: Bounds8>(
 
 /// An object being traced as one instance. With `CULL`, the side `hidden` of its lattices is not there.
 #[derive(Clone, Copy)]
-pub(super) struct Target<'a, S, B, const CULL: bool> {
+pub(super) struct Target<'a, S, B: Bounds8, const CULL: bool> {
     pub simd: S,
     pub blocks: &'a BlockTree<B>,
     pub mesh: &'a PlanarMesh,
@@ -268,7 +268,7 @@ impl<'a, S: Simd, B: Bounds8, const CULL: bool> Target<'a, S, B, CULL> {
         let slab = if block.frame == 0 {
             &ray.slab
         } else {
-            turned = ray.turned(&self.blocks.tree.frames[block.frame as usize]);
+            turned = ray.turned(&self.blocks.frames[block.frame as usize]);
             &turned
         };
         let valid = (1u32 << block.span.count) - 1;

@@ -8,8 +8,8 @@ use hdtrapeze_simd::{Float, Mask, Part, Simd};
 
 use super::beam::{BEAM_RAYS, Beam};
 use super::cell_rays::CellRays;
-use super::enter::{Spans, enter_packet};
-use super::packet::{All, LANES, PACKET, Packet, Ranges, Rays, Slabs, VECTORS, part, split};
+use super::enter::{Spans, by_child_pays, enter_packet};
+use super::packet::{All, Form, LANES, PACKET, Packet, Ranges, Rays, Slabs, VECTORS, part, split};
 use super::pairs::{Pairs, expect};
 use super::relative::SeenMany;
 use super::room::{Room, Space};
@@ -205,7 +205,8 @@ pub(super) fn walk_packet<S: Simd, B: Bounds8>(
             } else {
                 if node.frame != frame || rays & !ready != 0 {
                     (frame, ready) = (node.frame, rays);
-                    packet.turn(&tree.frames[frame as usize], rays, turned);
+                    let frame = &tree.frames[frame as usize];
+                    packet.turn(frame, rays, B::MOVING, Form::Both, turned);
                 }
                 &*turned
             };
@@ -266,7 +267,7 @@ pub(super) fn walk_packet<S: Simd, B: Bounds8>(
 }
 
 /// A packet in one tree of an object.
-pub(super) struct InTree<'a, B> {
+pub(super) struct InTree<'a, B: Bounds8> {
     pub blocks: &'a BlockTree<B>,
     pub object: &'a ObjectGeometry,
     pub instance: u32,
@@ -373,13 +374,19 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
         } else {
             let block = &self.blocks.blocks[item as usize];
             queries.count_node(self.simd, rays);
+            let valid = (1u32 << block.span.count) - 1;
             let slabs = if block.frame == 0 {
                 &*packet.slabs
             } else {
-                packet.turn(&self.blocks.tree.frames[block.frame as usize], rays, turned);
+                let frame = &self.blocks.frames[block.frame as usize];
+                let apart = by_child_pays(rays, valid);
+                let form = if apart { Form::Apart } else { Form::InTurns };
+                packet.turn(frame, rays, B::MOVING, form, turned);
+                if apart && !turned.agree(rays) {
+                    turned.pair(self.simd, rays);
+                }
                 &*turned
             };
-            let valid = (1u32 << block.span.count) - 1;
             let found = enter_packet(
                 self.simd,
                 &block.bounds,

@@ -7,13 +7,14 @@ use glam::Vec3;
 use hdtrapeze_core::bvh::bound::bound_groups;
 use hdtrapeze_core::bvh::lanes::Boxes8;
 use hdtrapeze_core::bvh::node::{enter, magnitude};
+use hdtrapeze_core::bvh::turn::{Pose, Turn};
 use hdtrapeze_core::bvh::{Bounds8, Frame, LinearBox, LinearSlabs, StaticSlabs};
 use hdtrapeze_core::grid::PlanarMesh;
 use hdtrapeze_core::trace::beam::Beam;
 use hdtrapeze_core::trace::cell::CellRay;
-use hdtrapeze_core::trace::enter::{Spans, enter_packet};
+use hdtrapeze_core::trace::enter::{Spans, by_child_pays, enter_packet};
 use hdtrapeze_core::trace::object_ray::{ObjectRay, SLAB_PAD};
-use hdtrapeze_core::trace::packet::{LANES, PACKET, Packet, Rays, Slabs, VECTORS, split};
+use hdtrapeze_core::trace::packet::{Form, LANES, PACKET, Packet, Rays, Slabs, VECTORS, split};
 use hdtrapeze_simd::{Kernel, Level, Simd};
 
 use crate::boxes::{CELL, frame, vec3};
@@ -25,6 +26,8 @@ struct Case {
     mesh: PlanarMesh,
     boxes: [LinearBox; 2],
     frame: Frame,
+    /// In which it is bounded in place of `frame`.
+    turn: Option<Turn>,
     radius: f32,
     ray: (Vec3, Vec3, f32),
 }
@@ -70,7 +73,12 @@ impl Case {
         };
         let planar = PlanarMesh::from(mesh(&[(1, 1)], keys, |_, u, v, t| of(u, v, t)));
         let frame = frame(genes);
-        let bounds = bound_groups(Level::best(), &planar, &[(0, CELL)], &frame)[0];
+        let turn = (keys.len() == 2 && genes.below(2) == 0).then(|| turn(genes, frame, &corners));
+        let level = Level::best();
+        let bounds = match &turn {
+            Some(turn) => bound_groups(level, &planar, &[(0, CELL)], turn)[0],
+            None => bound_groups(level, &planar, &[(0, CELL)], &frame)[0],
+        };
         // A neighbour that decides where planes lie.
         let by = vec3(genes, (size - 3).max(-149), scale);
         let neighbour = LinearBox {
@@ -99,10 +107,22 @@ impl Case {
             mesh: planar,
             boxes,
             frame,
+            turn,
             radius,
             ray: (origin, dir, time),
         }
     }
+}
+
+/// A frame that turns from one to another, along a cell with these corners at both ends of the shutter.
+fn turn(genes: &mut Genes<'_>, frame: Frame, corners: &[Vec3]) -> Turn {
+    let pose = |frame: Frame, at: &[Vec3]| Pose {
+        frame,
+        edges: [at[1] - at[0], at[2] - at[0]],
+        middle: (at[0] + at[1] + at[2] + at[3]) * 0.25,
+    };
+    let then = crate::boxes::frame(genes);
+    Turn::new(&pose(frame, &corners[..4]), &pose(then, &corners[4..8]))
 }
 
 /// How much of the pad it takes until no hit is culled; none where nothing is hit.
@@ -132,17 +152,17 @@ impl Way {
         t: f32,
     ) -> bool {
         let (origin, dir, time) = case.ray;
-        let turns = case.frame != Frame::IDENTITY;
+        let turns = case.frame != Frame::IDENTITY || case.turn.is_some();
         match self {
             Way::Alone => {
                 let time = if B::MOVING { time } else { 0.0 };
                 let Some(ray) = ObjectRay::padded(origin, dir, time, pad) else {
                     return false;
                 };
-                let slabs = if turns {
-                    ray.turned(&case.frame)
-                } else {
-                    ray.slab
+                let slabs = match &case.turn {
+                    Some(turn) => ray.turned(turn),
+                    None if turns => ray.turned(&case.frame),
+                    None => ray.slab,
                 };
                 enter(simd, bounds, 1, &slabs, t, t).0 == 1
             }
@@ -177,12 +197,22 @@ impl Way {
                         || Beam::within(simd, &packet, bounds, &t_min)
                             .is_none_or(|beam| beam.touched(simd, bounds, 1) == 1);
                 }
-                let mut turned = Slabs::NONE;
-                let slabs = if turns {
-                    packet.turn(&case.frame, lanes, &mut turned);
-                    &turned
-                } else {
-                    &*packet.slabs
+                let mut turned = Slabs::SPOILED;
+                // As traversal asks: what is not asked for is NaN.
+                let form = match by_child_pays(lanes, 1) {
+                    true => Form::Apart,
+                    false => Form::InTurns,
+                };
+                let slabs = match &case.turn {
+                    Some(turn) => {
+                        packet.turn(turn, lanes, B::MOVING, form, &mut turned);
+                        &turned
+                    }
+                    None if turns => {
+                        packet.turn(&case.frame, lanes, B::MOVING, form, &mut turned);
+                        &turned
+                    }
+                    None => &*packet.slabs,
                 };
                 let spans = Spans {
                     pairs: &[[[t, -t]; LANES]; VECTORS],

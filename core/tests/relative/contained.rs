@@ -4,6 +4,7 @@ use glam::{DVec3, Vec3};
 use hdtrapeze_core::bvh::block::{CellRect, loose};
 use hdtrapeze_core::bvh::object::{Blas, BlockTree, loose_group};
 use hdtrapeze_core::bvh::relative::{Relative, Trees};
+use hdtrapeze_core::bvh::turn::{Turn, Turning};
 use hdtrapeze_core::bvh::{Bounds8, Frame, ObjectGeometry, StoredBox, Tree};
 use hdtrapeze_core::grid::{DicedMesh, PlanarMesh};
 use proptest::prelude::*;
@@ -28,15 +29,22 @@ fn position(mesh: &PlanarMesh, g: usize, i: usize, time: f64) -> DVec3 {
 /// True when `p` is inside, to within the rounding of f64 in this test.
 fn contains(
     b: &impl Fn(f64) -> (DVec3, DVec3),
-    frame: &Frame,
+    frame: &Turn,
     p: DVec3,
     time: f64,
 ) -> Result<(), String> {
     let (lo, hi) = b(time);
     for a in 0..3 {
-        let x = frame.axes[a].as_dvec3().dot(p);
-        let slack =
-            1e-14 * (p.abs().max_element() + lo.abs().max_element() + hi.abs().max_element());
+        let [from, to] = frame.normals.map(|normal| normal.as_dvec3());
+        let [first, second] = frame.axes.map(|axis| axis.as_dvec3());
+        let bow = f64::from(frame.bow) * (time * (1.0 - time));
+        let x = [
+            first.dot(p),
+            second.dot(p),
+            (from + (to - from) * time).dot(p) + bow,
+        ][a];
+        let slack = 1e-14
+            * (p.abs().max_element() + lo.abs().max_element() + hi.abs().max_element() + bow.abs());
         if x < lo[a] - slack || x > hi[a] + slack {
             return Err(format!(
                 "axis {a}: {x} not in [{}, {}] at {time}",
@@ -65,7 +73,7 @@ fn check_tree<B: Bounds8>(
     place: &Place<'_>,
 ) -> Result<Vertices, String> {
     let mut all = Vec::new();
-    let children: Vec<(StoredBox, u32, Vertices)>;
+    let children: Vec<(StoredBox, Turn, Vertices)>;
     let frame;
     let rect_vertices = |g: usize, r: CellRect| -> Vertices {
         let stride = usize::from(mesh.grids[g].nu) + 1;
@@ -82,7 +90,7 @@ fn check_tree<B: Bounds8>(
     } else if leaf {
         let block = &tree.blocks[(reference & !Tree::<B>::LEAF) as usize];
         let g = block.span.grid as usize;
-        frame = block.frame;
+        frame = tree.frames[block.frame as usize].turn();
         children = (0..u32::from(block.span.count))
             .map(|slot| {
                 let vertices = rect_vertices(g, block.span.group_rect(slot));
@@ -91,7 +99,7 @@ fn check_tree<B: Bounds8>(
             .collect();
     } else {
         let node = &tree.tree.nodes[reference as usize];
-        frame = node.frame;
+        frame = Turn::fixed(&tree.tree.frames[node.frame as usize]);
         children = (0..8)
             .filter(|s| node.valid >> s & 1 == 1)
             .map(|s| {
@@ -101,14 +109,13 @@ fn check_tree<B: Bounds8>(
             .collect::<Result<_, String>>()?;
     }
     for (bounds, frame, vertices) in children {
-        let frame = &tree.tree.frames[frame as usize];
         for &(g, i) in &vertices {
             for &time in times {
                 let wide = |t| {
                     let (lo, hi) = bounds.at(t);
                     (lo - place.slack, hi + place.slack)
                 };
-                contains(&wide, frame, (place.at)(g, i, time), time)?;
+                contains(&wide, &frame, (place.at)(g, i, time), time)?;
             }
         }
         all.extend(vertices);
@@ -187,7 +194,12 @@ fn check_object(mesh: DicedMesh, times: &[f64]) -> Result<bool, String> {
     for &(g, i) in &found {
         for &time in times {
             let p = position(mesh, g, i, time);
-            contains(&|t| object.bounds().at(t), &Frame::IDENTITY, p, time)?;
+            contains(
+                &|t| object.bounds().at(t),
+                &Turn::fixed(&Frame::IDENTITY),
+                p,
+                time,
+            )?;
         }
     }
     Ok(true)

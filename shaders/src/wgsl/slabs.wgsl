@@ -10,13 +10,15 @@
 // A node is 7 or, where it moves, 12 units: the lattice of its planes (at both ends of the shutter), 8 children, its frame,
 // and the mask of its children. A lattice is 18 words: origin, step, and bytes [axis][lower, upper][child].
 // A block is 6 or 10 units: lattices, 3 words of its span, its frame. A frame is its first word in `words`, 9
-// floats; 0 is the identity.
+// floats; 0 is the identity. With bit 31, it turns, as in core's bvh/turn.rs: 13 floats, two axes, the third at both ends of the
+// shutter, and its bow.
 //
 // WGSL divides to 2.5 ULP, may fuse a product and a sum, and may flush what is below normal numbers. SLAB_PAD is core's
 // derivation with that: in units of U (|origin| + radius) a reciprocal is off by 5 where it was off by 1, which adds 4 to
 // every product of a slab test (12 R + 4 |o|; 20.8 with the rotation of a frame), 6.9 to a sheared vertex and 13.9 to its
 // place between keys, 6.9 to the quotient that `t` is; its weights are rounded to f32 here, 10. With core's 76.5 that is
-// 135; 160 has room for terms of second order and for tests that are not exact.
+// 135; 160 has room for terms of second order and for tests that are not exact. A frame that turns adds core's 24, and 2
+// for the same; its pad is half as much again.
 
 const U: f32 = 5.9604644775390625e-8;
 const SLAB_PAD: f32 = 160.0 * U;
@@ -34,6 +36,9 @@ const MOVES: u32 = 0x40000000u;
 const LOOSE: u32 = 0x40000000u;
 const PLACE: u32 = 0x3fffffffu;
 const EMPTY: u32 = 0xffffffffu;
+// Of a frame that turns, and what its slab tests are padded by, in pads.
+const TURNS: u32 = 0x80000000u;
+const TURN_PADS: f32 = 1.5;
 
 // A ray in the frame of a node. Lower planes are moved down and upper planes up by the pad.
 struct SlabRay {
@@ -96,12 +101,20 @@ fn turned(ray: TreeRay, frame: u32) -> SlabRay {
     if frame == 0u {
         return slab_ray(ray, ray.origin, ray.dir, most);
     }
-    let x = axis_of(frame);
-    let y = axis_of(frame + 3u);
-    let z = axis_of(frame + 6u);
-    let origin = vec3<f32>(dot(x, ray.origin), dot(y, ray.origin), dot(z, ray.origin));
+    let at = frame & ~TURNS;
+    let x = axis_of(at);
+    let y = axis_of(at + 3u);
+    var z = axis_of(at + 6u);
+    var own = ray;
+    var bow = 0.0;
+    if TIME && (frame & TURNS) != 0u {
+        z += (axis_of(at + 9u) - z) * ray.time;
+        bow = bitcast<f32>(words[at + 12u]) * (ray.time * (1.0 - ray.time));
+        own.pad *= TURN_PADS;
+    }
+    let origin = vec3<f32>(dot(x, ray.origin), dot(y, ray.origin), dot(z, ray.origin) + bow);
     let dir = vec3<f32>(dot(x, ray.dir), dot(y, ray.dir), dot(z, ray.dir));
-    return slab_ray(ray, origin, dir, most);
+    return slab_ray(own, origin, dir, most);
 }
 
 fn axis_of(word: u32) -> vec3<f32> {

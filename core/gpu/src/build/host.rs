@@ -4,6 +4,7 @@ use glam::Vec3;
 use hdtrapeze_core::bvh::elsewhere::{Items, items};
 use hdtrapeze_core::bvh::node::magnitude;
 use hdtrapeze_core::bvh::object::loose_item;
+use hdtrapeze_core::bvh::turn::Turning;
 use hdtrapeze_core::bvh::{Bounds8, LinearBox, LinearSlabs, StaticSlabs, Tree};
 use hdtrapeze_core::grid::PlanarMesh;
 
@@ -74,7 +75,7 @@ impl Bounded {
                 for (slot, built) in (0..).zip(blocks) {
                     let number = first_block + slot;
                     let mut frame = 0;
-                    if let Some(axes) = built.frame.map(|frame| frame.axes) {
+                    if let Some(axes) = built.frame.map(|frame| frame.start().axes) {
                         frame = at.places.frames + 9 * number;
                         let axes = axes.iter().flat_map(|axis| axis.to_array());
                         let to = &mut words[frame as usize..][..9];
