@@ -354,9 +354,9 @@ fn frames_follow_normals_that_turn() {
     let mut rng = Rng(11);
     let rays: Vec<_> = (0..512)
         .map(|_| {
-            let (x, y, time) = (rng.signed(), rng.signed(), rng.unit());
-            let dir = Vec3::new(0.2 * rng.signed(), 0.2 * rng.signed(), -1.0);
-            ray(Vec3::new(x, y, 2.0), dir, time)
+            let target = Vec3::new(0.9 * rng.signed(), 0.9 * rng.signed(), 0.0);
+            let dir = rng.direction();
+            ray(target - dir * 3.0, dir, rng.unit())
         })
         .collect();
     let trace = |object: &Arc<ObjectGeometry>| {
