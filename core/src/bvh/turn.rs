@@ -112,7 +112,7 @@ impl Turn {
         }
     }
 
-    /// From the axes at the start to those at the end.
+    /// From the third axis at the start to that at the end.
     #[inline(always)]
     pub fn step(&self) -> Vec3 {
         self.normals[1] - self.normals[0]

@@ -17,8 +17,8 @@
 // derivation with that: in units of U (|origin| + radius) a reciprocal is off by 5 where it was off by 1, which adds 4 to
 // every product of a slab test (12 R + 4 |o|; 20.8 with the rotation of a frame), 6.9 to a sheared vertex and 13.9 to its
 // place between keys, 6.9 to the quotient that `t` is; its weights are rounded to f32 here, 10. With core's 76.5 that is
-// 135; 160 has room for terms of second order and for tests that are not exact. A frame that turns adds core's 24, and 2
-// for the same; its pad is half as much again.
+// 135; 160 has room for terms of second order and for tests that are not exact. A frame that turns adds core's 24, and 6
+// for what it makes larger; its pad is half as much again.
 
 const U: f32 = 5.9604644775390625e-8;
 const SLAB_PAD: f32 = 160.0 * U;
