@@ -18,18 +18,27 @@ const LEAF: u32 = 1 << 31;
 const MOVES: u32 = 1 << 30;
 const LOOSE: u32 = 1 << 30;
 const EMPTY: u32 = u32::MAX;
+/// Of a frame that turns.
+const TURNS: u32 = 1 << 31;
 
 /// Planes of a child on the axes of its node, at both ends of the shutter.
 struct Slabs {
     axes: [DVec3; 3],
+    /// What the third axis is at the end of the shutter, and its bow, where it turns.
+    turns: Option<(DVec3, f64)>,
     ends: [[DVec3; 2]; 2],
 }
 
 impl Slabs {
     /// An error where a position is outside at `time`: not by rounding in f64, of which there is none at the ends.
     fn hold(&self, p: DVec3, time: f64) -> Result<(), Failed> {
-        for (axis, a) in self.axes.iter().enumerate() {
-            let x = a.dot(p);
+        let (mut axes, mut bow) = (self.axes, 0.0);
+        if let Some((end, most)) = self.turns {
+            axes[2] = axes[2] * (1.0 - time) + end * time;
+            bow = most * (time * (1.0 - time));
+        }
+        for (axis, a) in axes.iter().enumerate() {
+            let x = a.dot(p) + if axis == 2 { bow } else { 0.0 };
             let plane = |side: usize| {
                 let [from, to] = [self.ends[0][side][axis], self.ends[1][side][axis]];
                 from * (1.0 - time) + to * time
@@ -38,7 +47,7 @@ impl Slabs {
             let exact = a.abs().element_sum() == 1.0 && (time == 0.0 || time == 1.0);
             let slack = match exact {
                 true => 0.0,
-                false => 1e-14 * (lo.abs() + hi.abs() + p.abs().element_sum()),
+                false => 1e-14 * (lo.abs() + hi.abs() + p.abs().element_sum() + bow.abs()),
             };
             if !(lo - slack <= x && x <= hi + slack) {
                 return Err(format!("{x:e} at {time} is not in {lo:e} .. {hi:e}").into());
@@ -80,16 +89,18 @@ impl Walk<'_> {
         };
         let start = lattice(words);
         let end = if moves { lattice(&words[18..]) } else { start };
-        let axes = [0, 1, 2].map(|axis| {
-            let at = frame as usize + 3 * axis;
-            let float = |i: usize| f64::from(f32::from_bits(self.contents.words[at + i]));
-            match frame {
-                0 => DVec3::AXES[axis],
-                _ => DVec3::new(float(0), float(1), float(2)),
-            }
-        });
+        let word = |i: usize| {
+            let at = (frame & !TURNS) as usize + i;
+            f64::from(f32::from_bits(self.contents.words[at]))
+        };
+        let vector = |i: usize| DVec3::new(word(3 * i), word(3 * i + 1), word(3 * i + 2));
+        let axes = match frame {
+            0 => DVec3::AXES,
+            _ => [0, 1, 2].map(vector),
+        };
         Slabs {
             axes,
+            turns: (frame & TURNS != 0).then(|| (vector(3), word(12))),
             ends: [start, end],
         }
     }
