@@ -12,6 +12,7 @@
 //!
 //! Unsafe code is denied but for one call, by which [`kept`] hands a driver what it has compiled before.
 
+mod axes;
 pub mod build;
 pub mod contents;
 pub mod device;

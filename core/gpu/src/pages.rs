@@ -14,6 +14,7 @@ use hdtrapeze_core::trace::parts::Parts;
 use hdtrapeze_core::trace::piece::{Pick, Trees};
 use hdtrapeze_shaders::layout::{GridHeader, Instance};
 
+use super::axes::{FRAME_WORDS, TURN_WORDS};
 use super::build::forest::items_of;
 use super::scene::{block_words, node_words};
 
@@ -269,9 +270,14 @@ fn later_size(g: u32, grid: &Grid, mesh: &PlanarMesh, paint: Paint) -> Size {
         false => (node_words::<StaticSlabs>(), block_words::<StaticSlabs>()),
     };
     let nodes = (2 * u64::from(items) * bytes(node)).div_ceil(7) + u64::from(blocks) * bytes(block);
+    let frame = if mesh.is_moving() {
+        TURN_WORDS
+    } else {
+        FRAME_WORDS
+    };
     let size = grid_size(grid, mesh, nodes, paint);
     Size {
-        words: size.words + 36 * u64::from(blocks),
+        words: size.words + u64::from(4 * frame * blocks),
         ..size
     }
 }
@@ -284,17 +290,28 @@ fn bytes(words: u32) -> u64 {
 /// What an object takes with the CPU's tree.
 fn whole(object: &ObjectGeometry, paint: Paint) -> Size {
     // A relative tree becomes a plain one, of which nothing is known.
-    let (node, block, spare) = match object.blas() {
-        Blas::Static(_) => (node_words::<StaticSlabs>(), block_words::<StaticSlabs>(), 1),
-        Blas::Moving(_) => (node_words::<LinearSlabs>(), block_words::<LinearSlabs>(), 1),
-        Blas::Relative(_) => (node_words::<LinearSlabs>(), block_words::<LinearSlabs>(), 2),
+    let still = (
+        node_words::<StaticSlabs>(),
+        block_words::<StaticSlabs>(),
+        FRAME_WORDS,
+    );
+    let moving = (
+        node_words::<LinearSlabs>(),
+        block_words::<LinearSlabs>(),
+        TURN_WORDS,
+    );
+    let ((node, block, frame), spare) = match object.blas() {
+        Blas::Static(_) => (still, 1),
+        Blas::Moving(_) => (moving, 1),
+        Blas::Relative(_) => (moving, 2),
     };
     let (mesh, stats) = (object.mesh(), object.stats());
-    let frames = stats.oriented_nodes + stats.oriented_blocks;
+    let frames =
+        stats.oriented_nodes * u64::from(FRAME_WORDS) + stats.oriented_blocks * u64::from(frame);
     Size {
         nodes: spare * (stats.nodes * bytes(node) + stats.blocks * bytes(block)),
         planes: size_of_val(mesh.planes()) as u64,
-        words: (size_of::<GridHeader>() * mesh.grids.len()) as u64 + spare * 36 * frames,
+        words: (size_of::<GridHeader>() * mesh.grids.len()) as u64 + spare * 4 * frames,
         paints: mesh.vertex_count as u64 * paint.a_vertex + mesh.grids.len() as u64 * paint.a_grid,
         ..Size::default()
     }

@@ -12,8 +12,8 @@ use hdtrapeze_core::bvh::block::Block;
 use hdtrapeze_core::bvh::build::NEVER;
 use hdtrapeze_core::bvh::node::Lattice8;
 use hdtrapeze_core::bvh::object::{Blas, BlockTree, LOOSE};
-use hdtrapeze_core::bvh::turn::{Turn, Turning};
-use hdtrapeze_core::bvh::{Bounds8, Frame, Node, ObjectGeometry, Tree, U};
+use hdtrapeze_core::bvh::turn::Turning;
+use hdtrapeze_core::bvh::{Bounds8, Node, ObjectGeometry, Tree, U};
 use hdtrapeze_core::grid::PlanarMesh;
 use hdtrapeze_core::trace::parts::{Parts, Placement, Top};
 use hdtrapeze_core::trace::piece::{InWhole, Pick, Trees};
@@ -21,6 +21,7 @@ use hdtrapeze_core::trace::{Culled, InstanceSet, Side, World};
 use hdtrapeze_shaders::layout::{GridHeader, Instance, Object};
 use hdtrapeze_shaders::stage::{BuildStage, STACKS, TracePermutation};
 
+use super::axes::FrameWords;
 use super::build::{Maker, Refits};
 use super::early::There;
 use super::pages::Paints;
@@ -31,8 +32,6 @@ use super::{Device, GpuError, pages, stack};
 pub(crate) type Unit = [u32; 4];
 
 const LEAF: u32 = Tree::<()>::LEAF;
-/// Set in the place of a frame that turns.
-const TURNS: u32 = 1 << 31;
 const EMPTY: u32 = Tree::<()>::EMPTY;
 /// Set in a reference to a node whose bounds move.
 pub(crate) const MOVES: u32 = 1 << 30;
@@ -601,10 +600,10 @@ impl Arrays {
         let first_block = self.nodes.len() as u32;
         let per_block = units(block_words::<B>());
         let frames = self.frames(&blocks.tree.frames);
-        let turns = self.turns(&blocks.frames);
+        let of_blocks = self.frames(&blocks.frames);
         for block in &blocks.blocks {
-            let turn = turns[block.frame as usize];
-            self.nodes.extend(block_of(block, turn));
+            let frame = of_blocks[block.frame as usize];
+            self.nodes.extend(block_of(block, frame));
         }
         let leaf = |item: u32| match item & LOOSE {
             0 => LEAF | (first_block + item * per_block),
@@ -620,28 +619,12 @@ impl Arrays {
     }
 
     /// Adds frames; gives the place of each, 0 for the identity.
-    fn frames(&mut self, frames: &[Frame]) -> Vec<u32> {
+    fn frames<T: Turning>(&mut self, frames: &[T]) -> Vec<u32> {
         let mut places = vec![0; frames.len().max(1)];
         for (place, frame) in places.iter_mut().zip(frames).skip(1) {
-            *place = self.words.len() as u32;
-            let axes = frame.axes.iter().flat_map(|axis| axis.to_array());
-            self.words.extend(axes.map(f32::to_bits));
-        }
-        places
-    }
-
-    /// The same of blocks, whose frames may turn.
-    fn turns<T: Turning>(&mut self, turns: &[T]) -> Vec<u32> {
-        if !T::TURNS {
-            let frames: Vec<Frame> = turns.iter().map(T::start).collect();
-            return self.frames(&frames);
-        }
-        let mut places = vec![0; turns.len().max(1)];
-        for (place, turn) in places.iter_mut().zip(turns).skip(1) {
-            *place = TURNS | self.words.len() as u32;
-            let Turn { axes, normals, bow } = turn.turn();
-            let floats = axes.iter().chain(&normals).flat_map(|axis| axis.to_array());
-            self.words.extend(floats.chain([bow]).map(f32::to_bits));
+            let own = FrameWords::of(frame);
+            *place = own.placed(self.words.len() as u32);
+            self.words.extend_from_slice(own.words());
         }
         places
     }

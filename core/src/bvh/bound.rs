@@ -174,7 +174,7 @@ impl<B: Bounds8> Kernel for Bound<'_, B> {
         // So have boxes of any frame: where that saves nothing, none is tried.
         if !upright
             && surface + turn < cost
-            && let Some(candidate) = turning_of::<B::Turning>(planes, &span, (u, v), keep)
+            && let Some(candidate) = turning_of::<B::Turning>(planes, &span, (u, v))
         {
             let turned = boxes_in(simd, vertices, &groups, &candidate);
             if turned.area(simd, B::MOVING, span.count) + turn < cost {
@@ -289,16 +289,10 @@ fn part<S: Simd>(simd: S, boxes: &Boxes8<S::F8>, lanes: <S::F8 as Float<8>>::Mas
     Boxes8 { start, end }.hull()
 }
 
-/// The frame along a block's edges, given as they are in mid-shutter; with `fixed`, or where there are keys between the ends,
-/// one that does not turn.
+/// The frame along a block's edges, given as they are at its middle key; with two keys, one that follows the normal.
 #[inline(always)]
-fn turning_of<T: Turning>(
-    planes: &GridPlanes<'_>,
-    span: &Span,
-    (u, v): (Vec3, Vec3),
-    fixed: bool,
-) -> Option<T> {
-    if fixed || !T::TURNS || planes.key_times.len() != 2 {
+fn turning_of<T: Turning>(planes: &GridPlanes<'_>, span: &Span, (u, v): (Vec3, Vec3)) -> Option<T> {
+    if !T::TURNS || planes.key_times.len() != 2 {
         return frame_of(u, v, span).map(T::fixed);
     }
     let corners = [corners(planes, span, 0), corners(planes, span, 1)];
@@ -344,7 +338,7 @@ fn frame_along(u: Vec3, v: Vec3, along_u: bool) -> Option<Frame> {
     }
 }
 
-/// The block's edges along u and v, each the mean of the two that face each other, in mid-shutter.
+/// The block's edges along u and v, each the mean of the two that face each other, at the middle key: of two, the last.
 #[inline(always)]
 fn lattice_edges(planes: &GridPlanes<'_>, span: &Span) -> (Vec3, Vec3) {
     let [u, v] = edges(corners(planes, span, planes.key_times.len() / 2));

@@ -2,7 +2,7 @@
 //!
 //! A frame is three axes. They need not be exactly unit or orthogonal: slabs on any axes contain
 //! what they contain, and the stored axes are the ones that bounds and rays are turned by. Axes are
-//! near unit (within `4 U`), which the pads of rotation rely on.
+//! near unit (within `4 U`); the pads of rotation rely on it that they are no longer.
 
 use glam::{DMat3, DVec3, Vec3};
 

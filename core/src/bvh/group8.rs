@@ -138,7 +138,9 @@ pub fn boxes_in<S: Simd, T: Turning>(
 ) -> Boxes8<S::F8> {
     let at_start = frame.start();
     let turn = frame.turn();
-    if !T::TURNS || vertices.key_times.len() != 2 || turn.normals[0] == turn.normals[1] {
+    let turns = turn.normals[0] != turn.normals[1];
+    debug_assert!(!turns || vertices.key_times.len() == 2);
+    if !turns {
         return boxes(simd, vertices, groups, Some(&at_start));
     }
     let [x, y] = turn.axes;
@@ -172,7 +174,7 @@ enum Of {
     Step,
 }
 
-/// Ranges of coordinates at key `k`, widened for the rounding of the rotation where there is one.
+/// Ranges of coordinates, of steps along the third axis alone, widened for the rounding of the rotation where there is one.
 #[inline(always)]
 fn ranges<S: Simd>(
     simd: S,
@@ -281,12 +283,13 @@ fn row<S: Simd>(
             }
         }
     }
-    let pad = match of {
-        Of::Key(_) => ROTATION_PAD,
-        Of::Step => BOW_PAD,
+    // Only the third axis turns.
+    let along = match of {
+        Of::Key(_) => (ROTATION_PAD, 0),
+        Of::Step => (BOW_PAD, 2),
     };
-    take_in(simd, [x[0], y[0], z[0]], pad, frame, found);
-    take_in(simd, [x[1], y[1], z[1]], pad, frame, found);
+    take_in(simd, [x[0], y[0], z[0]], along, frame, found);
+    take_in(simd, [x[1], y[1], z[1]], along, frame, found);
 }
 
 /// A row of vertices of 4 groups at a key, and those one later.
@@ -340,12 +343,12 @@ fn row_at<S: Simd>(
     }
 }
 
-/// Takes in 16 vertices.
+/// Takes in 16 vertices; in a frame with this pad, and from this axis on.
 #[inline(always)]
 fn take_in<S: Simd>(
     simd: S,
     p: [S::F16; 3],
-    pad: f32,
+    (pad, first): (f32, usize),
     frame: Option<&Frame>,
     (lo, hi): &mut Columns<S::F16>,
 ) {
@@ -358,7 +361,7 @@ fn take_in<S: Simd>(
     };
     let [x, y, z] = p;
     let pad = (x.abs() + y.abs() + z.abs()) * simd.all16(pad);
-    for axis in 0..3 {
+    for axis in first..3 {
         let a: Vec3 = frame.axes[axis];
         let q = x * simd.all16(a.x) + y * simd.all16(a.y) + z * simd.all16(a.z);
         lo[axis] = (q - pad).min(lo[axis]);

@@ -8,6 +8,9 @@
 // units of U = 2^-24:
 // - In a frame (axes no longer than 1 + 32 U), the three products and two sums of a coordinate are off by 3 of
 //   sum |P_i|, and moving it by the pad by 1: with what is of order U^2, less than the 6 of ROTATION_PAD.
+// - In a frame that turns (core's bvh/turn.rs), what a vertex does along the step of the third axis, which is shorter than 2, is
+//   off by 1 for each of the two differences, 3 for the products and sums, and 1 for its pad, of terms that are up to twice
+//   as large: 12, and BOW_PAD is 16. Moving bounds by a quarter of what that leaves over the bow rounds 3 times: BOWED_PAD is 4.
 // - At a key inside the shutter, with d from a bound's start to the coordinate and s from its start to its end, the excess
 //   d - s time is off by 2 |d| + 3 |s|, and the sum with its own pad, 6 (|d| + |s|), by 1 (|d| + |s|). Bounds moved by
 //   it are taken one float farther.
@@ -23,6 +26,8 @@
 
 const U: f32 = 5.9604644775390625e-8;
 const ROTATION_PAD: f32 = 6.0 * U;
+const BOW_PAD: f32 = 16.0 * U;
+const BOWED_PAD: f32 = 4.0 * U;
 const CHORD_PAD: f32 = 6.0 * U;
 const TINY: f32 = 1.0e-36;
 // Bits of 2^-125.
@@ -34,6 +39,12 @@ const TURN_COST: f32 = 0.3;
 // Frames are tried for blocks that are larger and nearer than this: no product overflows.
 const SMALLEST: f32 = 1.0e-12;
 const LARGEST: f32 = 1.0e9;
+// Cosine of the angle that a normal turns by, and the part that it is shortened to, at least; as core's.
+const LEAST_COSINE: f32 = -0.3;
+const LEAST_LENGTH: f32 = 0.25;
+// Words of a block's frame, and what its place is marked by where it turns.
+const FRAME_WORDS: u32 = select(9u, 13u, MOVES);
+const TURNS: u32 = 0x80000000u;
 const LOOSE: u32 = 0x40000000u;
 // Grids from this number on have no loose groups.
 const LOOSE_GRIDS: u32 = 0x08000000u;
@@ -47,6 +58,13 @@ struct Span {
     group: vec2<u32>,
     columns: u32,
     count: u32,
+}
+
+// A block's frame: the same at both ends of the shutter but for the third axis, and what is added along that, times `T (1 - T)`.
+struct Turn {
+    start: mat3x3<f32>,
+    end: mat3x3<f32>,
+    bow: f32,
 }
 
 // Vertices of a grid.
@@ -181,19 +199,63 @@ fn raise(a: ptr<function, vec3<i32>>, b: ptr<function, vec3<i32>>, time: f32, va
     *b = select(raised_b, most, level);
 }
 
-// Bounds over the shutter, as `ranges`.
-fn bound_groups(span: Span, lattice: Lattice, object: BuildObject, turns: bool, axes: mat3x3<f32>,
+// Moves the bounds along the third axis of a frame that turns outward, by what chords of vertices leave.
+fn bow_out(span: Span, lattice: Lattice, turn: Turn,
+           start: ptr<function, array<Ends, 8>>, end: ptr<function, array<Ends, 8>>) {
+    let step = turn.end[2] - turn.start[2];
+    for (var slot = 0u; slot < span.count; slot++) {
+        let from_cell = vec2<u32>(slot % span.columns, slot / span.columns) * span.group;
+        let to_cell = min(from_cell + span.group, span.size);
+        var below = 0.0;
+        var beyond = 0.0;
+        for (var j = from_cell.y; j <= to_cell.y; j++) {
+            for (var i = from_cell.x; i <= to_cell.x; i++) {
+                let vertex = span.at + vec2<u32>(i, j);
+                let d = bitcast<vec3<f32>>(position(lattice, 1u, vertex)) - bitcast<vec3<f32>>(position(lattice, 0u, vertex));
+                let w = dot(step, d);
+                let pad = (abs(d.x) + abs(d.y) + abs(d.z)) * BOW_PAD + TINY;
+                below = max(below, (w + pad) - turn.bow);
+                beyond = max(beyond, turn.bow - (w - pad));
+            }
+        }
+        below *= 0.25;
+        beyond *= 0.25;
+        for (var side = 0u; side < 2u; side++) {
+            var ends = (*start)[slot];
+            if side == 1u {
+                ends = (*end)[slot];
+            }
+            var lo = real(ends.lo);
+            var hi = real(ends.hi);
+            lo.z = (lo.z - below) - ((abs(lo.z) + below) * BOWED_PAD + TINY);
+            hi.z = (hi.z + beyond) + ((abs(hi.z) + beyond) * BOWED_PAD + TINY);
+            ends.lo.z = ordered(bitcast<vec3<u32>>(lo)).z;
+            ends.hi.z = ordered(bitcast<vec3<u32>>(hi)).z;
+            if side == 1u {
+                (*end)[slot] = ends;
+            } else {
+                (*start)[slot] = ends;
+            }
+        }
+    }
+}
+
+// Bounds over the shutter, as `ranges`; a frame that turns has two keys.
+fn bound_groups(span: Span, lattice: Lattice, object: BuildObject, turns: bool, turn: Turn,
                 start: ptr<function, array<Ends, 8>>, end: ptr<function, array<Ends, 8>>) -> u32 {
-    var most = ranges(span, lattice, 0u, turns, axes, start);
+    var most = ranges(span, lattice, 0u, turns, turn.start, start);
     if !MOVES {
         return most;
     }
     let last = object.key_count - 1u;
-    most = max(most, ranges(span, lattice, last, turns, axes, end));
+    most = max(most, ranges(span, lattice, last, turns, turn.end, end));
+    if turns && does_turn(turn) {
+        bow_out(span, lattice, turn, start, end);
+    }
     for (var key = 1u; key < last; key++) {
         let time = bitcast<f32>(words[object.key_times + key]);
         var inner: array<Ends, 8>;
-        most = max(most, ranges(span, lattice, key, turns, axes, &inner));
+        most = max(most, ranges(span, lattice, key, turns, turn.start, &inner));
         for (var slot = 0u; slot < span.count; slot++) {
             var hi_a = (*start)[slot].hi;
             var hi_b = (*end)[slot].hi;
@@ -268,12 +330,16 @@ fn across(x: vec3<f32>) -> vec3<f32> {
     return direction(cross(x, side));
 }
 
-// The frame along a block's edges: of both that lie in its plane, the one that groups fill more.
-fn frame_of(u: vec3<f32>, v: vec3<f32>, span: Span) -> mat3x3<f32> {
+// True where the first of a block's edges is the one that groups fill more.
+fn runs_along_u(edges: array<vec3<f32>, 2>, span: Span) -> bool {
     let share = vec2<f32>(span.group) / vec2<f32>(span.size);
-    let along_u = length_of(u) * share.x >= length_of(v) * share.y;
-    let a = direction(select(v, u, along_u));
-    let b = direction(select(u, v, along_u));
+    return length_of(edges[0]) * share.x >= length_of(edges[1]) * share.y;
+}
+
+// The frame along one of a block's edges, in its plane.
+fn frame_along(edges: array<vec3<f32>, 2>, along_u: bool) -> mat3x3<f32> {
+    let a = direction(select(edges[1], edges[0], along_u));
+    let b = direction(select(edges[0], edges[1], along_u));
     let x = select(a, b, dot(a, a) == 0.0);
     var z = cross(x, b);
     // Nearly in line, the product is mostly rounding.
@@ -285,9 +351,59 @@ fn frame_of(u: vec3<f32>, v: vec3<f32>, span: Span) -> mat3x3<f32> {
     return mat3x3<f32>(x, cross(z, x), z);
 }
 
-// The block's edges along u and v, each the mean of the two that face each other, in mid-shutter.
-fn lattice_edges(span: Span, lattice: Lattice, key_count: u32) -> array<vec3<f32>, 2> {
-    let key = key_count / 2u;
+fn fixed(axes: mat3x3<f32>) -> Turn {
+    return Turn(axes, axes, 0.0);
+}
+
+fn does_turn(turn: Turn) -> bool {
+    return any(turn.start[2] != turn.end[2]);
+}
+
+// The frame of a block whose edges are known at its middle key: with two keys, one that follows its normal.
+fn turn_of(span: Span, lattice: Lattice, edges: array<vec3<f32>, 2>, key_count: u32) -> Turn {
+    if !MOVES || key_count != 2u {
+        return fixed(frame_along(edges, runs_along_u(edges, span)));
+    }
+    let before = lattice_edges(span, lattice, 0u);
+    let after = lattice_edges(span, lattice, 1u);
+    let along_u = runs_along_u(array<vec3<f32>, 2>(before[0] + after[0], before[1] + after[1]), span);
+    let start = frame_along(before, along_u);
+    let end = frame_along(after, along_u);
+    let along = start[0] + end[0];
+    let side = cross(start[2] + end[2], along);
+    if dot(start[2], end[2]) < LEAST_COSINE || dot(side, side) < 1.0e-8 {
+        return fixed(start);
+    }
+    let middle = frame_along(array<vec3<f32>, 2>(along, side), true);
+    // The shortened normal: of all `l0 a0.E1 + l1 a1.E0`, the least squares.
+    let ahead = vec2<f32>(dot(start[2], after[0]), dot(start[2], after[1]));
+    let behind = vec2<f32>(dot(end[2], before[0]), dot(end[2], before[1]));
+    let own = dot(ahead, ahead);
+    let both = -dot(ahead, behind);
+    var lengths = vec2<f32>(1.0);
+    if both >= LEAST_LENGTH * own && both <= own && both > 0.0 {
+        lengths.x = min(both / own, 1.0);
+    } else if both > own && LEAST_LENGTH * both <= own {
+        lengths.y = min(own / both, 1.0);
+    }
+    let from_normal = start[2] * lengths.x;
+    let to_normal = end[2] * lengths.y;
+    let way = middle_of(span, lattice, 1u) - middle_of(span, lattice, 0u);
+    return Turn(mat3x3<f32>(middle[0], middle[1], from_normal), mat3x3<f32>(middle[0], middle[1], to_normal),
+                dot(to_normal - from_normal, way));
+}
+
+// The mean of a block's corners at a key.
+fn middle_of(span: Span, lattice: Lattice, key: u32) -> vec3<f32> {
+    let a = bitcast<vec3<f32>>(position(lattice, key, span.at));
+    let b = bitcast<vec3<f32>>(position(lattice, key, span.at + vec2<u32>(span.size.x, 0u)));
+    let c = bitcast<vec3<f32>>(position(lattice, key, span.at + vec2<u32>(0u, span.size.y)));
+    let d = bitcast<vec3<f32>>(position(lattice, key, span.at + span.size));
+    return ((a + b) + (c + d)) * 0.25;
+}
+
+// The block's edges along u and v at a key, each the mean of the two that face each other.
+fn lattice_edges(span: Span, lattice: Lattice, key: u32) -> array<vec3<f32>, 2> {
     let across_u = vec2<u32>(span.size.x, 0u);
     let across_v = vec2<u32>(0u, span.size.y);
     let a = bitcast<vec3<f32>>(position(lattice, key, span.at));
@@ -295,6 +411,12 @@ fn lattice_edges(span: Span, lattice: Lattice, key_count: u32) -> array<vec3<f32
     let c = bitcast<vec3<f32>>(position(lattice, key, span.at + across_v));
     let d = bitcast<vec3<f32>>(position(lattice, key, span.at + span.size));
     return array<vec3<f32>, 2>(((b - a) + (d - c)) * 0.5, ((c - a) + (d - b)) * 0.5);
+}
+
+fn write_axis(at: u32, axis: vec3<f32>) {
+    for (var c = 0u; c < 3u; c++) {
+        words[at + c] = bitcast<u32>(axis[c]);
+    }
 }
 
 // Notes a centre and a magnitude for an object. Most have nothing to add, and wait for nobody.
@@ -338,7 +460,7 @@ fn bound(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) group
     }
     var start: array<Ends, 8>;
     var end: array<Ends, 8>;
-    let space = mat3x3<f32>();
+    let space = fixed(mat3x3<f32>());
     let coordinate = bound_groups(span, lattice, object, false, space, &start, &end);
     let box = hull(span.count, &start, &end);
     let most = max(coordinate, magnitude(box));
@@ -355,25 +477,28 @@ fn bound(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) group
         let block = starts[item.number].y + item.slot * BLOCK_UNITS;
         var frame = 0u;
         let whole = area(box);
-        let edges = lattice_edges(span, lattice, object.key_count);
+        let edges = lattice_edges(span, lattice, object.key_count / 2u);
         let longest = max(length_of(edges[0]), length_of(edges[1]));
         if bitcast<f32>(most) < LARGEST && longest > SMALLEST {
             let surface = length_of(cross(edges[0], edges[1]));
-            let turn = whole * TURN_COST;
+            let price = whole * TURN_COST;
             let straight = cost(span.count, &start, &end);
-            if surface + turn < straight {
-                let axes = frame_of(edges[0], edges[1], span);
+            if surface + price < straight {
+                let turn = turn_of(span, lattice, edges, object.key_count);
                 var turned_start: array<Ends, 8>;
                 var turned_end: array<Ends, 8>;
-                _ = bound_groups(span, lattice, object, true, axes, &turned_start, &turned_end);
-                if cost(span.count, &turned_start, &turned_end) + turn < straight {
+                _ = bound_groups(span, lattice, object, true, turn, &turned_start, &turned_end);
+                if cost(span.count, &turned_start, &turned_end) + price < straight {
                     start = turned_start;
                     end = turned_end;
-                    frame = launch.frames + 9u * ((block - launch.blocks) / BLOCK_UNITS);
+                    frame = launch.frames + FRAME_WORDS * ((block - launch.blocks) / BLOCK_UNITS);
                     for (var axis = 0u; axis < 3u; axis++) {
-                        for (var c = 0u; c < 3u; c++) {
-                            words[frame + 3u * axis + c] = bitcast<u32>(axes[axis][c]);
-                        }
+                        write_axis(frame + 3u * axis, turn.start[axis]);
+                    }
+                    if MOVES && does_turn(turn) {
+                        write_axis(frame + 9u, turn.end[2]);
+                        words[frame + 12u] = bitcast<u32>(turn.bow);
+                        frame |= TURNS;
                     }
                 }
             }

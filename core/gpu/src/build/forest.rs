@@ -5,6 +5,8 @@ use hdtrapeze_core::bvh::object::LOOSE_GRIDS;
 use hdtrapeze_core::grid::{Grid, PlanarMesh};
 use hdtrapeze_shaders::layout::{BuildObject, Object};
 
+use crate::axes::{FRAME_WORDS, TURN_WORDS};
+
 /// Objects whose trees are made together: all that move, or all that do not.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Forest {
@@ -35,6 +37,11 @@ impl Forest {
             blocks: 0,
             most_items: boxes,
         }
+    }
+
+    /// Words that are kept for the frame of a block.
+    pub fn frame_words(&self) -> u32 {
+        if self.moves { TURN_WORDS } else { FRAME_WORDS }
     }
 
     /// Adds an object, which the scene has under `number`. False where there are more items than can be numbered.

@@ -4,13 +4,13 @@ use glam::Vec3;
 use hdtrapeze_core::bvh::elsewhere::{Items, items};
 use hdtrapeze_core::bvh::node::magnitude;
 use hdtrapeze_core::bvh::object::loose_item;
-use hdtrapeze_core::bvh::turn::Turning;
 use hdtrapeze_core::bvh::{Bounds8, LinearBox, LinearSlabs, StaticSlabs, Tree};
 use hdtrapeze_core::grid::PlanarMesh;
 
 use super::Planted;
 use super::forest::Forest;
 use super::trees::{FACTS, Places, ordered};
+use crate::axes::FrameWords;
 use crate::scene::{Unit, block_of};
 
 /// What is known of a forest once its items are bounded, as `bound.wgsl` leaves it.
@@ -75,13 +75,11 @@ impl Bounded {
                 for (slot, built) in (0..).zip(blocks) {
                     let number = first_block + slot;
                     let mut frame = 0;
-                    if let Some(axes) = built.frame.map(|frame| frame.start().axes) {
-                        frame = at.places.frames + 9 * number;
-                        let axes = axes.iter().flat_map(|axis| axis.to_array());
-                        let to = &mut words[frame as usize..][..9];
-                        to.iter_mut()
-                            .zip(axes)
-                            .for_each(|(to, x)| *to = x.to_bits());
+                    if let Some(turning) = &built.frame {
+                        let first = at.places.frames + at.forest.frame_words() * number;
+                        let own = FrameWords::of(turning);
+                        words[first as usize..][..own.words().len()].copy_from_slice(own.words());
+                        frame = own.placed(first);
                     }
                     let place = number * at.forest.block_units();
                     let block = block_of(&built.block, frame);

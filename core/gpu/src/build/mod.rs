@@ -349,8 +349,8 @@ fn laid<'w>(
             frames: arrays.words.len() as u32,
         };
         end += u64::from(forest.block_units()) * u64::from(forest.blocks);
-        let frames = 9 * forest.blocks as usize;
-        arrays.words.resize(arrays.words.len() + frames, 0);
+        let frames = forest.frame_words() * forest.blocks;
+        arrays.words.resize(arrays.words.len() + frames as usize, 0);
         planted.push(Planted {
             forest,
             places,

@@ -9,8 +9,7 @@ use crate::shapes::single_cells;
 use crate::trace_scenes::*;
 use crate::{builder, built, random_rays};
 
-/// Rays open about as many nodes, and test about as many micropolygons, as through the CPU's trees; some more where things
-/// move, since frames of blocks turn only there.
+/// Rays open about as many nodes, and test about as many micropolygons, as through the CPU's trees.
 pub fn costs(tracer: &Tracer) -> Result<(), Failed> {
     let meshes = [
         sheet(8, 16, &keys(1)),
@@ -22,7 +21,6 @@ pub fn costs(tracer: &Tracer) -> Result<(), Failed> {
         }),
     ];
     for mesh in meshes {
-        let most = if mesh.key_times.len() > 1 { 1.4 } else { 1.25 };
         let world = world_of(mesh);
         let scenes = [
             built(tracer, &world, false)?,
@@ -36,7 +34,7 @@ pub fn costs(tracer: &Tracer) -> Result<(), Failed> {
             let counts = tracer.counts(&batch)?.unwrap_or_default();
             *cost = (counts.node_tests + counts.cell_tests) as f64;
         }
-        if costs[0] > most * costs[1] {
+        if costs[0] > 1.25 * costs[1] {
             return Err(format!("{costs:?}").into());
         }
     }
