@@ -20,8 +20,8 @@
 //! strands need no block: the tree refers to their groups ([`gather`]). Over all stands a tree of 8-wide nodes
 //! ([`build`]), built by binned SAH on the time-averaged area. The 8 children of a node share one frame
 //! ([`frame`]): the identity (an AABB) or a rotation, chosen where surface-area cost says that it pays, for single
-//! blocks ([`bound`]), whose frames follow a normal that turns ([`turn`]), and for subtrees over strands ([`orient`]). What does not move stores no second bounds: all
-//! nodes are generic over [`node::Bounds8`].
+//! blocks ([`bound`]), whose frames follow a normal that turns ([`turn`]), and for subtrees over strands ([`orient`]).
+//! What does not move stores no second bounds: all nodes are generic over [`node::Bounds8`].
 //!
 //! **Curves.** Where raised chords bound motion badly, trees are built in a space that moves along with the
 //! object, or for halves of the shutter ([`relative`]).

@@ -9,8 +9,8 @@ use crate::grid::planar::{GridPlanes, Run};
 use crate::grid::{DicedMesh, PlanarMesh};
 
 /// How much farther than vertices any tree over them may store bounds: 3 times where keys inside the shutter raise a chord that
-/// ends at the other side, the square root of 3 times that in a rotated frame (4.6 times in one that turns, whose chords are never
-/// raised), and two steps of 255 more where they are packed.
+/// ends at the other side, the square root of 3 times that in a rotated frame (4.6 times in one that turns, whose chords
+/// are never raised), and two steps of 255 more where they are packed.
 pub const STORED: f32 = 6.0;
 
 /// See the module's text.
