@@ -125,6 +125,8 @@ pub trait Simd: Copy + Debug {
     /// NaN.
     fn outward8(self, low: Self::F8, high: Self::F8) -> [[u8; 8]; 2];
 
+    /// Says that `from[at]` will be asked for soon. There may be no such thing.
+    fn expect<T>(self, from: &[T], at: usize);
     /// Says that the rows of a [`Simd::lattice`] will be asked for soon. They may lie outside of `plane`.
     fn expect_lattice(self, plane: &[f32], first: usize, stride: usize);
     /// 15 vertices of a lattice, rows of 5 that start at `first`, `first + stride` and

@@ -251,6 +251,8 @@ impl Simd for Scalar {
         ]
     }
     #[inline(always)]
+    fn expect<T>(self, _: &[T], _: usize) {}
+    #[inline(always)]
     fn expect_lattice(self, _: &[f32], _: usize, _: usize) {}
     #[inline]
     fn lattice(self, plane: &[f32], first: usize, stride: usize) -> Array<16> {

@@ -265,7 +265,8 @@ fn each_child<S: Simd, B: Bounds8>(
             base[1][a] = simd.from16(&slabs.sides[1][a][v]);
         }
         let (t_min, t_max) = (simd.from16(&spans.t_min[v]), simd.from16(&spans.t_max[v]));
-        let own = simd.mask16(own);
+        // Others look nowhere.
+        let t_max = t_max.or(simd.mask16(own), -infinity);
         let mut rest = valid;
         while rest != 0 {
             let child = (rest.trailing_zeros() & 7) as usize;
@@ -286,8 +287,10 @@ fn each_child<S: Simd, B: Bounds8>(
             }
             let near = t[0][0].max(t[0][1]).max(t[0][2].max(t_min));
             let far = t[1][0].max(t[1][1]).max(t[1][2].max(-t_max));
-            let hit = near.le(-far) & own;
-            nearest[child] = near.min(nearest[child]).or(hit, nearest[child]);
+            let hit = near.le(-far);
+            // The minimum of all, not a choice of what is kept: compilers make that a masked store, which some processors
+            // are slow at.
+            nearest[child] = near.or(hit, infinity).min(nearest[child]);
             entered[child] |= u64::from(hit.bits()) << (LANES * v);
         }
     }

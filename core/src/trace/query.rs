@@ -144,6 +144,8 @@ impl World {
             stack,
             counts,
             #[inline(always)]
+            |_| {},
+            #[inline(always)]
             |item, query, stack, counts| {
                 if !B::MOVING && item == MOVERS {
                     late.extend(self.level.run(Movers::<'_, CULL> {

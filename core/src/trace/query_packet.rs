@@ -176,6 +176,8 @@ impl World {
             queries,
             room,
             #[inline(always)]
+            |_| {},
+            #[inline(always)]
             |item, lanes, queries, room| {
                 if !B::MOVING && item == MOVERS {
                     late.extend(self.level.run(MoversMany {

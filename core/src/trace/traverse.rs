@@ -89,6 +89,7 @@ pub(super) fn walk<S: Simd, B: Bounds8>(
     query: &mut Query,
     stack: &mut Stack,
     counts: &mut TraceCounts,
+    soon: impl Fn(u32),
     mut leaf: impl FnMut(u32, &mut Query, &mut Stack, &mut TraceCounts),
 ) {
     if root == Tree::<B>::EMPTY {
@@ -136,6 +137,11 @@ pub(super) fn walk<S: Simd, B: Bounds8>(
                     slot = mask.trailing_zeros() as usize;
                     mask &= mask - 1;
                     let mut entry = (node.children[slot], near[slot]);
+                    if entry.0 & Tree::<B>::LEAF != 0 {
+                        soon(entry.0 & !Tree::<B>::LEAF);
+                    } else {
+                        simd.expect(&tree.nodes, entry.0 as usize);
+                    }
                     if entry.1 < next_near {
                         std::mem::swap(&mut entry.0, &mut next);
                         std::mem::swap(&mut entry.1, &mut next_near);
@@ -243,8 +249,22 @@ impl<'a, S: Simd, B: Bounds8, const CULL: bool> Target<'a, S, B, CULL> {
             stack,
             counts,
             #[inline(always)]
+            |item| self.expect(item),
+            #[inline(always)]
             |item, query, _, counts| self.item(item, ray, cells, query, counts),
         );
+    }
+
+    /// Says that an item of the tree may be tested soon.
+    #[inline(always)]
+    pub fn expect(&self, item: u32) {
+        match loose_group(item) {
+            None => self.simd.expect(&self.blocks.blocks, item as usize),
+            Some((grid, slot)) => {
+                let rect = loose(&self.mesh.grids[grid as usize], slot);
+                expect_group::<S, B>(self.simd, self.mesh, grid, rect);
+            }
+        }
     }
 
     /// Tests one item of the tree: a loose group or a block.
@@ -346,6 +366,20 @@ impl<'a, S: Simd, B: Bounds8, const CULL: bool> Target<'a, S, B, CULL> {
                 |cell, hit| offer(hit.of(instance, grid, cell)),
             );
         }
+    }
+}
+
+/// Says that the first and the last vertex of a small group will be asked for soon.
+#[inline(always)]
+fn expect_group<S: Simd, B: Bounds8>(simd: S, mesh: &PlanarMesh, g: u32, rect: CellRect) {
+    let grid = &mesh.grids[g as usize];
+    let stride = usize::from(grid.nu) + 1;
+    let n = grid.vertex_count();
+    let first = mesh.plane_start(grid, 0) + usize::from(rect.j) * stride + usize::from(rect.i);
+    let last = first + usize::from(rect.h) * stride + usize::from(rect.w);
+    for plane in 0..if B::KEYS { 6 } else { 3 } {
+        simd.expect(mesh.planes(), first + plane * n);
+        simd.expect(mesh.planes(), last + plane * n);
     }
 }
 

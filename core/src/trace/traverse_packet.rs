@@ -175,8 +175,9 @@ fn add<S: Simd>(simd: S, to: &mut All, rays: u64, more: f32) {
 }
 
 /// Walks a tree with a packet; `turned` is room for rays in a node's frame. `leaf(item, rays, queries, room)` is called
-/// for items that some rays may hit.
+/// for items that some rays may hit; `soon(item)` said that it may be, unless it came at once.
 #[inline(always)]
+#[allow(clippy::too_many_arguments)] // one call, inlined
 pub(super) fn walk_packet<S: Simd, B: Bounds8>(
     simd: S,
     tree: &Tree<B>,
@@ -184,6 +185,7 @@ pub(super) fn walk_packet<S: Simd, B: Bounds8>(
     turned: &mut Slabs,
     queries: &mut Queries,
     room: &mut Room,
+    soon: impl Fn(u32),
     mut leaf: impl FnMut(u32, u64, &mut Queries, &mut Room),
 ) {
     if tree.root == Tree::<B>::EMPTY || packet.sound == 0 {
@@ -232,6 +234,12 @@ pub(super) fn walk_packet<S: Simd, B: Bounds8>(
                     // The nearest child is next; the others wait, nearer ones on top.
                     let (slots, count) = found.by_distance(simd);
                     for &slot in slots[1..count].iter().rev() {
+                        let child = node.children[slot];
+                        if child & Tree::<B>::LEAF != 0 {
+                            soon(child & !Tree::<B>::LEAF);
+                        } else {
+                            simd.expect(&tree.nodes, child as usize);
+                        }
                         room.waiting.push(Waiting {
                             near: found.near(slot),
                             at: node.children[slot],
@@ -346,6 +354,8 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
             turned,
             queries,
             room,
+            #[inline(always)]
+            |item| self.expect(item),
             #[inline(always)]
             |item, rays, queries, room| {
                 let pairs = &mut room.pairs;

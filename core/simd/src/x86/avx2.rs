@@ -7,7 +7,7 @@ use super::avx2_apart;
 use super::eight::{
     BIT, F256, M256, all8, bytes_in_turns, bytes8, from8, halves_swapped, outward8, transposed,
 };
-use super::rows::{expect_lattice, long_rows, rows};
+use super::rows::{expect, expect_lattice, long_rows, rows};
 use crate::{Float, Mask, Part, Simd, scalar};
 
 /// AVX2 with FMA.
@@ -316,6 +316,10 @@ impl Simd for Avx2 {
     #[inline(always)]
     fn outward8(self, low: F256, high: F256) -> [[u8; 8]; 2] {
         outward8(low, high)
+    }
+    #[inline(always)]
+    fn expect<T>(self, from: &[T], at: usize) {
+        expect(from, at);
     }
     #[inline(always)]
     fn expect_lattice(self, plane: &[f32], first: usize, stride: usize) {

@@ -8,7 +8,7 @@ use super::avx512_apart;
 use super::eight::{
     BIT, F256, all8, bytes_in_turns, bytes8, from8, halves_swapped, outward8, transposed,
 };
-use super::rows::{expect_lattice, long_rows, rows};
+use super::rows::{expect, expect_lattice, long_rows, rows};
 use crate::{Float, Mask, Part, Simd};
 
 /// AVX-512 (F, BW, DQ, VL).
@@ -287,6 +287,10 @@ impl Simd for Avx512 {
     #[inline(always)]
     fn outward8(self, low: F256, high: F256) -> [[u8; 8]; 2] {
         outward8(low, high)
+    }
+    #[inline(always)]
+    fn expect<T>(self, from: &[T], at: usize) {
+        expect(from, at);
     }
     #[inline(always)]
     fn expect_lattice(self, plane: &[f32], first: usize, stride: usize) {

@@ -60,3 +60,23 @@ pub(super) fn expect_lattice(plane: &[f32], first: usize, stride: usize) {
         unsafe { _mm_prefetch::<_MM_HINT_T0>(row.cast()) };
     }
 }
+
+/// Bytes of a line of the processor's caches.
+const LINE: usize = 64;
+
+/// Brings all of `from[at]` nearer, as [`Simd::expect`](crate::Simd::expect) says.
+#[inline(always)]
+pub(super) fn expect<T>(from: &[T], at: usize) {
+    let first = from.as_ptr().wrapping_add(at).cast::<i8>();
+    let mut by = 0;
+    while by < size_of::<T>() {
+        // SAFETY: a hint reads nothing, wherever it points.
+        unsafe { _mm_prefetch::<_MM_HINT_T0>(first.wrapping_add(by)) };
+        by += LINE;
+    }
+    // Where it does not begin with a line it may end in one more.
+    if size_of::<T>() > align_of::<T>() {
+        // SAFETY: as above.
+        unsafe { _mm_prefetch::<_MM_HINT_T0>(first.wrapping_add(size_of::<T>() - 1)) };
+    }
+}
