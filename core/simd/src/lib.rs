@@ -130,13 +130,26 @@ pub trait Simd: Copy + Debug {
     /// Says that the rows of a [`Simd::lattice`] will be asked for soon. They may lie outside of `plane`.
     fn expect_lattice(self, plane: &[f32], first: usize, stride: usize);
     /// 15 vertices of a lattice, rows of 5 that start at `first`, `first + stride` and
-    /// `first + 2 stride`, in lanes that [`Simd::lane`] knows.
+    /// `first + 2 stride`, in lanes of its own: see [`Simd::corners`].
     ///
     /// # Panics
     /// `plane` ends less than 3 floats after the last of them, or `stride` is absurd.
     fn lattice(self, plane: &[f32], first: usize, stride: usize) -> Self::F16;
-    /// Lane of vertex `column` of `row` of a [`Simd::lattice`].
-    fn lane(self, column: usize, row: usize) -> usize;
+    /// Lattices of x, y and z in the order of `axes`, at `KEYS` keys: planes of `count` floats follow each other, those of a
+    /// key after those of the one before. `first` is where the lattice of the first is.
+    ///
+    /// # Panics
+    /// As [`Simd::lattice`], or `count` is absurd.
+    fn lattices<const KEYS: usize>(
+        self,
+        planes: &[f32],
+        first: usize,
+        stride: usize,
+        count: usize,
+        axes: [usize; 3],
+    ) -> [[Self::F16; 3]; KEYS];
+    /// Lanes of the corners of triangle `l` of a [`Simd::lattice`], below 16, as [`Simd::triangles`] has them.
+    fn corners(self, l: usize) -> [usize; 3];
     /// Corners of 16 triangles of a [`Simd::lattice`], 4 x 2 cells with two each. Lane `l < 8`
     /// is cell `(l % 4, l / 4)`, with corners `(i,j) (i+1,j) (i+1,j+1)`; lane `l + 8` is the same cell with
     /// `(i,j) (i+1,j+1) (i,j+1)`.

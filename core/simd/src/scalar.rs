@@ -266,8 +266,21 @@ impl Simd for Scalar {
         Array(out)
     }
     #[inline]
-    fn lane(self, column: usize, row: usize) -> usize {
-        lane(column, row)
+    fn lattices<const KEYS: usize>(
+        self,
+        planes: &[f32],
+        first: usize,
+        stride: usize,
+        count: usize,
+        axes: [usize; 3],
+    ) -> [[Array<16>; 3]; KEYS] {
+        std::array::from_fn(|key| {
+            axes.map(|axis| self.lattice(planes, first + (3 * key + axis) * count, stride))
+        })
+    }
+    #[inline]
+    fn corners(self, l: usize) -> [usize; 3] {
+        corners(l)
     }
     #[inline]
     fn triangles(self, lattice: Array<16>) -> [Array<16>; 3] {
@@ -300,22 +313,18 @@ fn fours(a: Array<16>, b: Array<16>, join: impl Fn(Array<8>, Array<8>) -> Array<
     join(join(lanes(0), lanes(2)), join(lanes(1), lanes(3)))
 }
 
-/// The first four of each row, then their fifths: halves of vectors are rows then.
-#[inline]
-pub(crate) fn lane(column: usize, row: usize) -> usize {
-    if column < 4 {
-        4 * row + column
-    } else {
-        12 + row
-    }
-}
-
 /// Lanes of a lattice at the corners of triangles; see [`Simd::triangles`].
-pub(crate) const TRIANGLES: [[i32; 16]; 3] = [
+pub(crate) static TRIANGLES: [[i32; 16]; 3] = [
     [0, 1, 2, 3, 4, 5, 6, 7, 0, 1, 2, 3, 4, 5, 6, 7],
     [1, 2, 3, 12, 5, 6, 7, 13, 5, 6, 7, 13, 9, 10, 11, 14],
     [5, 6, 7, 13, 9, 10, 11, 14, 4, 5, 6, 7, 8, 9, 10, 11],
 ];
+
+#[inline(always)]
+pub(crate) fn corners(l: usize) -> [usize; 3] {
+    let [a, b, c] = &TRIANGLES;
+    [a[l & 15] as usize, b[l & 15] as usize, c[l & 15] as usize]
+}
 
 /// Lanes of a lattice at the corners of the triangles of two cells, beside each other and one below the other; see
 /// [`Simd::two_cells`].

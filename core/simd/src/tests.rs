@@ -109,11 +109,24 @@ impl Kernel for Everything {
             s.expect_lattice(&plane, first, stride);
             s.expect_lattice(&plane, usize::MAX, stride);
             let lattice = s.lattice(&plane, first, stride);
-            for row in 0..3 {
-                out.extend((0..5).map(|c| lattice.to_array()[s.lane(c, row)].to_bits()));
-            }
-            for corner in s.triangles(lattice) {
+            let triangles = s.triangles(lattice);
+            for corner in triangles {
                 out.extend(corner.to_array().map(f32::to_bits));
+            }
+            for l in 0..16 {
+                for (corner, lane) in triangles.iter().zip(s.corners(l)) {
+                    assert_eq!(lattice.to_array()[lane], corner.to_array()[l]);
+                }
+            }
+            for (key, lattices) in s
+                .lattices::<2>(&plane, first, stride, 2, [2, 0, 1])
+                .iter()
+                .enumerate()
+            {
+                for (lattice, axis) in lattices.iter().zip([2, 0, 1]) {
+                    let alone = s.lattice(&plane, first + 2 * (3 * key + axis), stride);
+                    assert_eq!(lattice.to_array(), alone.to_array());
+                }
             }
             for corner in [false, true]
                 .map(|down| s.two_cells(lattice, down))

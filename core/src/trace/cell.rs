@@ -25,7 +25,7 @@ use super::Hit;
 use super::object_ray::ObjectRay;
 use super::sides::Side;
 use crate::bvh::block::CellRect;
-use crate::grid::{PlanarMesh, locate_key};
+use crate::grid::{Grid, PlanarMesh, locate_key};
 
 /// Cells of a full group: cell `(c, r)` of it has lane `4 r + c`, for the first of its triangles, and
 /// the second is this much later.
@@ -41,18 +41,6 @@ pub struct CellRay {
     pub(super) dir_z: f64,
     pub(super) key: usize,
     pub(super) fraction: f32,
-}
-
-/// Where the vertices of a group are.
-struct Rows<'a> {
-    planes: &'a [f32],
-    /// The group's first x coordinate, at the ray's key and the next.
-    at_key: usize,
-    at_next: usize,
-    /// From one axis to the next.
-    plane: usize,
-    /// From one row to the next.
-    stride: usize,
 }
 
 /// A hit inside a cell.
@@ -111,22 +99,31 @@ impl CellRay {
         }
     }
 
-    /// One coordinate of a group's vertices relative to the ray's origin, at its time:
-    /// [`crate::grid::lerp_position`], for all of them.
+    /// A group's vertices relative to the ray's origin, at its time, in the order of its axes:
+    /// [`crate::grid::lerp_position`], for all of them. `start` is where the group's first x is, at the ray's key.
     #[inline(always)]
     fn relative<S: Simd, const MOVING: bool>(
         &self,
         simd: S,
-        rows: &Rows<'_>,
-        axis: usize,
-    ) -> S::F16 {
-        let by = axis * rows.plane;
-        let mut p = simd.lattice(rows.planes, rows.at_key + by, rows.stride);
+        mesh: &PlanarMesh,
+        grid: &Grid,
+        start: usize,
+    ) -> [S::F16; 3] {
+        let (stride, n) = (usize::from(grid.nu) + 1, grid.vertex_count());
+        let mut p;
         if MOVING {
-            let next = simd.lattice(rows.planes, rows.at_next + by, rows.stride);
-            p = p + (next - p) * simd.all16(self.fraction);
+            let next;
+            [p, next] = simd.lattices::<2>(mesh.planes(), start, stride, n, self.axes);
+            for a in 0..3 {
+                p[a] = p[a] + (next[a] - p[a]) * simd.all16(self.fraction);
+            }
+        } else {
+            [p] = simd.lattices::<1>(mesh.planes(), start, stride, n, self.axes);
         }
-        p - simd.all16(self.origin[axis])
+        for (p, axis) in p.iter_mut().zip(self.axes) {
+            *p = *p - simd.all16(self.origin[axis]);
+        }
+        p
     }
 
     /// Tests the cells `rect` of grid `g`, one group; calls `accept(cell, hit)` for every triangle
@@ -146,20 +143,10 @@ impl CellRay {
         let grid = &mesh.grids[g as usize];
         let stride = usize::from(grid.nu) + 1;
         let first = usize::from(rect.j) * stride + usize::from(rect.i);
-        let n = grid.vertex_count();
-        let at_key = mesh.plane_start(grid, self.key) + first;
-        let at_next = if MOVING { at_key + 3 * n } else { at_key };
-        let [kx, ky, kz] = self.axes;
-        let rows = Rows {
-            planes: mesh.planes(),
-            at_key,
-            at_next,
-            plane: n,
-            stride,
-        };
-        let z = self.relative::<S, MOVING>(simd, &rows, kz);
-        let x = self.relative::<S, MOVING>(simd, &rows, kx) - z * simd.all16(self.slope[0]);
-        let y = self.relative::<S, MOVING>(simd, &rows, ky) - z * simd.all16(self.slope[1]);
+        let start = mesh.plane_start(grid, self.key) + first;
+        let [x, y, z] = self.relative::<S, MOVING>(simd, mesh, grid, start);
+        let x = x - z * simd.all16(self.slope[0]);
+        let y = y - z * simd.all16(self.slope[1]);
 
         let (w, h) = (usize::from(rect.w), usize::from(rect.h));
         let mut candidates = candidates(simd, x, y) & lane_mask(w, h);
@@ -168,24 +155,22 @@ impl CellRay {
         }
 
         let (x, y, z) = (x.to_array(), y.to_array(), z.to_array());
-        let vertex = |c: usize, r: usize| {
-            let lane = simd.lane(c, r);
-            [f64::from(x[lane]), f64::from(y[lane]), f64::from(z[lane])]
-        };
         while candidates != 0 {
             let bit = candidates.trailing_zeros();
             candidates &= candidates - 1;
             let second = bit as usize >= LANES;
             let l = bit as usize % LANES;
             let (r, c) = (l >> 2, l & 3);
-            let other = if second { (c, r + 1) } else { (c + 1, r) };
-            let (a, diagonal, other) =
-                (vertex(c, r), vertex(c + 1, r + 1), vertex(other.0, other.1));
-            let corners = if second {
-                [a, diagonal, other]
-            } else {
-                [a, other, diagonal]
-            };
+            let corners = simd.corners(bit as usize).map(
+                #[inline(always)]
+                |i| {
+                    [
+                        f64::from(x[i & 15]),
+                        f64::from(y[i & 15]),
+                        f64::from(z[i & 15]),
+                    ]
+                },
+            );
             if CULL && hidden.is_some_and(|side| side == seen(corners, self.dir_z)) {
                 continue;
             }

@@ -19,7 +19,7 @@ pub struct CellRays {
     pub rays: [CellLanes; PACKET],
 }
 
-/// What micropolygons ask of a ray: its origin in the order of its axes, and the fraction inside its segment of keys; then
+/// What micropolygons ask of a ray: its origin mirrored, in the order of its axes, and the fraction inside its segment of keys; then
 /// `dir[x] / dir[z]` and `dir[y] / dir[z]` in these axes, `dir[z]`, and a number without meaning.
 pub type CellLanes = [[f32; 4]; 2];
 
@@ -211,7 +211,7 @@ impl Sheared {
     fn lanes<S: Simd>(&self, simd: S, fraction: &Lanes, to: &mut [CellLanes]) {
         let from = |lanes: &Lanes| simd.from16(lanes);
         let ([x, y, z], [slope_x, slope_y]) = (self.origin.each_ref(), self.slope.each_ref());
-        let [x, y, z, fraction] = [from(x), from(y), from(z), from(fraction)];
+        let [x, y, z, fraction] = [-from(x), -from(y), -from(z), from(fraction)];
         let [slope_x, slope_y, dir_z] = [from(slope_x), from(slope_y), from(&self.dir_z)];
         // Numbers four apart, two apart and next to each other come together in turns.
         let first = [simd.zip(x, slope_x), simd.zip(z, dir_z)];

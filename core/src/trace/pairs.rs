@@ -105,14 +105,14 @@ impl Pairs {
             nu: u32::from(grid.nu),
             first: u32::from(rect.j) * u32::from(grid.nu) + u32::from(rect.i),
         };
-        let zero = simd.all16(0.0);
-        let (mut p, mut step) = ([zero; 3], [zero; 3]);
-        for a in 0..3 {
-            let at = start + axes[a] * n;
-            p[a] = simd.lattice(mesh.planes(), at, stride);
-            if MOVING {
-                step[a] = simd.lattice(mesh.planes(), at + 3 * n, stride) - p[a];
-            }
+        let planes = mesh.planes();
+        let (p, step);
+        if MOVING {
+            let [from, to] = simd.lattices::<2>(planes, start, stride, n, axes);
+            (p, step) = (from, [to[0] - from[0], to[1] - from[1], to[2] - from[2]]);
+        } else {
+            [p] = simd.lattices::<1>(planes, start, stride, n, axes);
+            step = p;
         }
         let mut count = self.count;
         let mut rest = rays;
@@ -126,7 +126,8 @@ impl Pairs {
                 if MOVING {
                     corner[a] = p[a] + step[a] * simd.all16(*fraction);
                 }
-                corner[a] = corner[a] - simd.all16(*origin);
+                // It is mirrored: memory can be added, but not subtracted from.
+                corner[a] = corner[a] + simd.all16(*origin);
             }
             let z = corner[2];
             let x = corner[0] - z * simd.all16(*slope_x);
@@ -160,18 +161,7 @@ impl Pairs {
                 found &= found - 1;
                 let second = bit >= 8;
                 let (r, c) = (bit >> 2 & 1, bit & 3);
-                let (a, diagonal) = (simd.lane(c, r), simd.lane(c + 1, r + 1));
-                let other = if second {
-                    simd.lane(c, r + 1)
-                } else {
-                    simd.lane(c + 1, r)
-                };
-                let (b, c3) = if second {
-                    (diagonal, other)
-                } else {
-                    (other, diagonal)
-                };
-                let corners = [a, b, c3].map(
+                let corners = simd.corners(bit).map(
                     #[inline(always)]
                     |i| {
                         [

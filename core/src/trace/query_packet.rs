@@ -2,15 +2,15 @@
 
 use std::cell::Cell;
 
-use hdtrapeze_simd::{Kernel, Simd};
+use hdtrapeze_simd::{Float, Kernel, Mask, Simd};
 
 use super::inside::InsideMany;
 use super::late::Late;
 use super::movers::MoversMany;
-use super::packet::{LANES, PACKET, Packet, Rays, VECTORS, part, split};
+use super::packet::{LANES, Lanes, PACKET, Packet, Rays, VECTORS, part, split};
 use super::room::{Room, Space};
 use super::traverse_packet::{Queries, walk_packet};
-use super::world::{MOVERS, Numbered, TopTree, World, clamp_time};
+use super::world::{MOVERS, Numbered, TopTree, World, clamp_times};
 use super::{Hit, Ray, TraceCounts};
 use crate::bvh::{Bounds8, ObjectGeometry, Tree};
 
@@ -91,20 +91,8 @@ impl World {
         queries.ask(any, each.is_some(), rays.len());
         let packed = &mut space.rays;
         let mut lanes = 0;
-        for (i, ray) in rays.iter().enumerate().take(PACKET) {
-            let (v, lane) = split(i);
-            // Written so that NaN is left out.
-            if ray.t_min <= ray.t_max && !ray.time.is_nan() {
-                lanes |= 1 << i;
-                queries.begin(i, ray.t_min, ray.t_max);
-            } else {
-                queries.best[i] = Hit::MISS;
-            }
-            for axis in 0..3 {
-                packed[v].origin[axis][lane] = ray.origin[axis];
-                packed[v].dir[axis][lane] = ray.dir[axis];
-            }
-            packed[v].time[lane] = clamp_time(ray.time);
+        for (v, (rays, packed)) in rays.chunks(LANES).zip(packed.iter_mut()).enumerate() {
+            lanes |= u64::from(pack(simd, rays, packed, &mut queries, v)) << (LANES * v);
         }
         let packed = &packed[..rays.len().div_ceil(LANES)];
         let late = match &self.tops().top {
@@ -232,6 +220,41 @@ impl World {
         });
         room.give_back(space);
     }
+}
+
+/// Rays of a vector by what they are made of, and what is asked about each; the lanes of those that ask for something.
+#[inline(always)]
+fn pack<S: Simd>(simd: S, rays: &[Ray], packed: &mut Rays, queries: &mut Queries, v: usize) -> u32 {
+    let mut t_max = [f32::NAN; LANES];
+    let mut t_min = [f32::NAN; LANES];
+    for (half, rays) in rays.chunks(LANES / 2).enumerate() {
+        let mut eight = [simd.all8(f32::NAN); LANES / 2];
+        for (i, (ray, eight)) in rays.iter().zip(&mut eight).enumerate() {
+            let ([x, y, z], [dx, dy, dz]) = (ray.origin.to_array(), ray.dir.to_array());
+            *eight = simd.from8(&[x, y, z, dx, dy, dz, ray.time, ray.t_min]);
+            t_max[LANES / 2 * half + i] = ray.t_max;
+        }
+        let [x, y, z, dx, dy, dz, time, least] = simd.transposed(eight);
+        let at = LANES / 2 * half;
+        let set = |to: &mut Lanes, x: S::F8| {
+            to[at..at + LANES / 2].copy_from_slice(&x.to_array());
+        };
+        for (to, x) in packed.origin.iter_mut().zip([x, y, z]) {
+            set(to, x);
+        }
+        for (to, x) in packed.dir.iter_mut().zip([dx, dy, dz]) {
+            set(to, x);
+        }
+        set(&mut packed.time, time);
+        set(&mut t_min, least);
+    }
+    let time = simd.from16(&packed.time);
+    // Comparisons with NaN are false.
+    let asks = simd.from16(&t_min).le(simd.from16(&t_max)) & time.le(time);
+    packed.time = clamp_times(simd, time).to_array();
+    let asks = asks.bits() & ((1u32 << rays.len()) - 1);
+    queries.begin_all(simd, v, asks, &t_min, &t_max);
+    asks
 }
 
 /// A packet of queries, for any instruction set.

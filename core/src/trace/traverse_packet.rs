@@ -9,7 +9,9 @@ use hdtrapeze_simd::{Float, Mask, Part, Simd};
 use super::beam::{BEAM_RAYS, Beam};
 use super::cell_rays::CellRays;
 use super::enter::{Spans, by_child_pays, enter_packet};
-use super::packet::{All, Form, LANES, PACKET, Packet, Ranges, Rays, Slabs, VECTORS, part, split};
+use super::packet::{
+    All, Form, LANES, Lanes, PACKET, Packet, Ranges, Rays, Slabs, VECTORS, in_turns, part, split,
+};
 use super::pairs::{Pairs, expect};
 use super::relative::SeenMany;
 use super::room::{Room, Space};
@@ -136,16 +138,25 @@ impl Queries {
         }
     }
 
-    /// A ray is asked about what lies from `t_min` to `t_max`.
-    pub fn begin(&mut self, ray: usize, t_min: f32, t_max: f32) {
-        let (v, lane) = split(ray);
-        self.best[ray & (PACKET - 1)] = Hit {
-            t: t_max,
-            ..Hit::MISS
-        };
-        self.ranges[v][lane][0] = t_min;
-        self.t_min[v][lane] = t_min;
-        self.end(ray, t_max);
+    /// The rays of vector `v` are asked about what lies from `t_min` to `t_max`, if they are among `asks`; others miss.
+    #[inline(always)]
+    pub fn begin_all<S: Simd>(
+        &mut self,
+        simd: S,
+        v: usize,
+        asks: u32,
+        t_min: &Lanes,
+        t_max: &Lanes,
+    ) {
+        let asked = simd.mask16(asks);
+        let (least, most) = (simd.from16(t_min), simd.from16(t_max));
+        let ends = most.or(asked, simd.all16(f32::INFINITY)).to_array();
+        for (best, t) in self.best[LANES * v..].iter_mut().zip(ends) {
+            *best = Hit { t, ..Hit::MISS };
+        }
+        self.t_min[v] = *t_min;
+        self.t_max[v] = *t_max;
+        self.ranges[v] = in_turns(simd, least, -most);
     }
 
     /// A hit of a ray.

@@ -43,15 +43,17 @@ pub fn test<S: Simd, const MOVING: bool>(
     let zero = simd.all16(0.0);
     // `[corner][axis]`
     let (mut p, mut step) = ([[zero; 3]; 3], [[zero; 3]; 3]);
+    let (from, to);
+    if MOVING {
+        [from, to] = simd.lattices::<2>(mesh.planes(), start, stride, n, axes);
+    } else {
+        [from] = simd.lattices::<1>(mesh.planes(), start, stride, n, axes);
+        to = from;
+    }
     for a in 0..3 {
-        let at = start + axes[a] * n;
-        let lattice = simd.lattice(mesh.planes(), at, stride);
-        let corners = simd.two_cells(lattice, down);
+        let corners = simd.two_cells(from[a], down);
         let steps = match MOVING {
-            true => {
-                let next = simd.lattice(mesh.planes(), at + 3 * n, stride);
-                simd.two_cells(next - lattice, down)
-            }
+            true => simd.two_cells(to[a] - from[a], down),
             false => corners,
         };
         for corner in 0..3 {
@@ -84,7 +86,7 @@ pub fn test<S: Simd, const MOVING: bool>(
                 if MOVING {
                     corner[a] = corner[a] + step[k][a] * fraction;
                 }
-                corner[a] = corner[a] - origin;
+                corner[a] = corner[a] + origin;
             }
             z[k] = corner[2];
             x[k] = corner[0] - z[k] * slope_x;

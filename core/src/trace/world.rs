@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
 
 use glam::{DAffine3, DVec3, Vec3};
-use hdtrapeze_simd::Level;
+use hdtrapeze_simd::{Float, Level, Simd};
 use rayon::prelude::*;
 
 use super::instance::{Bounded, InstanceTransform};
@@ -487,4 +487,10 @@ pub(super) fn clamp_time(time: f32) -> f32 {
     } else {
         time.clamp(0.0, 1.0)
     }
+}
+
+/// The same for many.
+#[inline(always)]
+pub(super) fn clamp_times<S: Simd>(simd: S, time: S::F16) -> S::F16 {
+    time.max(simd.all16(0.0)).min(simd.all16(1.0))
 }

@@ -7,7 +7,7 @@ use super::avx2_apart;
 use super::eight::{
     BIT, F256, M256, all8, bytes_in_turns, bytes8, from8, halves_swapped, outward8, transposed,
 };
-use super::rows::{expect, expect_lattice, long_rows, rows};
+use super::rows::{expect, expect_lattice, long_rows, rows, within};
 use crate::{Float, Mask, Part, Simd, scalar};
 
 /// AVX2 with FMA.
@@ -133,30 +133,23 @@ fn right(rows: __m256, ends: __m256) -> F256 {
     })
 }
 
-#[inline(always)]
-fn row(plane: &[f32], at: usize) -> &[f32; 5] {
-    plane[at..].first_chunk().expect("a row of 5 floats")
-}
-
 /// Rows of a lattice, as [`Simd::lattice`] says: the first 8 lanes, and the last.
+///
+/// # Safety
+/// [`within`] did not panic for it.
 #[inline(always)]
-fn lattice(plane: &[f32], first: usize, stride: usize) -> (__m256, __m256) {
-    let (r0, r1, r2) = (
-        row(plane, first),
-        row(plane, first + stride),
-        row(plane, first + 2 * stride),
-    );
-    x86!({
-        let near = _mm256_insertf128_ps::<1>(
-            _mm256_castps128_ps256(_mm_loadu_ps(r0.as_ptr())),
-            _mm_loadu_ps(r1.as_ptr()),
-        );
-        let ends = _mm_insert_ps::<0x10>(_mm_load_ss(&r0[4]), _mm_load_ss(&r1[4]));
-        let ends = _mm_insert_ps::<0x20>(ends, _mm_load_ss(&r2[4]));
-        let far =
-            _mm256_insertf128_ps::<1>(_mm256_castps128_ps256(_mm_loadu_ps(r2.as_ptr())), ends);
-        (near, far)
-    })
+unsafe fn lattice_at(plane: &[f32], first: usize, stride: usize) -> Pair {
+    // SAFETY: AVX is there, as the module's text says; the rows are, as above.
+    unsafe {
+        let r0 = plane.as_ptr().add(first);
+        let (r1, r2) = (r0.add(stride), r0.add(2 * stride));
+        let near =
+            _mm256_insertf128_ps::<1>(_mm256_castps128_ps256(_mm_loadu_ps(r0)), _mm_loadu_ps(r1));
+        let ends = _mm_insert_ps::<0x10>(_mm_load_ss(r0.add(4)), _mm_load_ss(r1.add(4)));
+        let ends = _mm_insert_ps::<0x20>(ends, _mm_load_ss(r2.add(4)));
+        let far = _mm256_insertf128_ps::<1>(_mm256_castps128_ps256(_mm_loadu_ps(r2)), ends);
+        Pair(F256(near), F256(far))
+    }
 }
 
 macro_rules! fours256 {
@@ -327,12 +320,33 @@ impl Simd for Avx2 {
     }
     #[inline(always)]
     fn lattice(self, plane: &[f32], first: usize, stride: usize) -> Pair {
-        let (near, far) = lattice(plane, first, stride);
-        Pair(F256(near), F256(far))
+        within(plane, first, stride, (0, 0));
+        // SAFETY: `within` says that it is there.
+        unsafe { lattice_at(plane, first, stride) }
     }
     #[inline(always)]
-    fn lane(self, column: usize, row: usize) -> usize {
-        scalar::lane(column, row)
+    fn lattices<const KEYS: usize>(
+        self,
+        planes: &[f32],
+        first: usize,
+        stride: usize,
+        count: usize,
+        axes: [usize; 3],
+    ) -> [[Pair; 3]; KEYS] {
+        within(planes, first, stride, (3 * KEYS - 1, count));
+        let mut out = [[self.all16(0.0); 3]; KEYS];
+        for (key, out) in out.iter_mut().enumerate() {
+            for (out, axis) in out.iter_mut().zip(axes) {
+                let at = first + (3 * key + axis.min(2)) * count;
+                // SAFETY: `within` says that the last lattice is there, and so those before it: `axis` is at most 2.
+                *out = unsafe { lattice_at(planes, at, stride) };
+            }
+        }
+        out
+    }
+    #[inline(always)]
+    fn corners(self, l: usize) -> [usize; 3] {
+        scalar::corners(l)
     }
     #[inline(always)]
     fn triangles(self, Pair(F256(near), F256(far)): Pair) -> [Pair; 3] {

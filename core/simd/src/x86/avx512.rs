@@ -8,7 +8,7 @@ use super::avx512_apart;
 use super::eight::{
     BIT, F256, all8, bytes_in_turns, bytes8, from8, halves_swapped, outward8, transposed,
 };
-use super::rows::{expect, expect_lattice, long_rows, rows};
+use super::rows::{expect, expect_lattice, long_rows, rows, within};
 use crate::{Float, Mask, Part, Simd};
 
 /// AVX-512 (F, BW, DQ, VL).
@@ -122,10 +122,10 @@ macro_rules! fours512 {
 }
 
 /// The 5 of each row of 8 that a lattice keeps, the third row being in the second vector.
-const KEPT: [i32; 16] = [0, 1, 2, 3, 4, 8, 9, 10, 11, 12, 16, 17, 18, 19, 20, 20];
+static KEPT: [i32; 16] = [0, 1, 2, 3, 4, 8, 9, 10, 11, 12, 16, 17, 18, 19, 20, 20];
 
 /// Lanes of a lattice in rows of 5 at the corners of triangles; see [`Simd::triangles`].
-const ROWS: [[i32; 16]; 3] = [
+static ROWS: [[i32; 16]; 3] = [
     [0, 1, 2, 3, 5, 6, 7, 8, 0, 1, 2, 3, 5, 6, 7, 8],
     [1, 2, 3, 4, 6, 7, 8, 9, 6, 7, 8, 9, 11, 12, 13, 14],
     [6, 7, 8, 9, 11, 12, 13, 14, 5, 6, 7, 8, 10, 11, 12, 13],
@@ -168,6 +168,24 @@ fn permuted(at: &[i32; 16], x: F512) -> F512 {
         _mm512_loadu_si512(at.as_ptr().cast()),
         x.0
     )))
+}
+
+/// Rows of 8, of which 5 are kept: lanes 0 to 4, 5 to 9 and 10 to 14. Fewer of such loads lie across two lines of the cache
+/// than of wider ones.
+///
+/// # Safety
+/// [`within`] did not panic for it.
+#[inline(always)]
+unsafe fn lattice_at(plane: &[f32], first: usize, stride: usize) -> F512 {
+    // SAFETY: AVX-512 is there, as the module's text says; the rows are, as above.
+    unsafe {
+        let p = plane.as_ptr().add(first);
+        let near = _mm512_castps256_ps512(_mm256_loadu_ps(p));
+        let near = _mm512_insertf32x8::<1>(near, _mm256_loadu_ps(p.add(stride)));
+        let far = _mm512_castps256_ps512(_mm256_loadu_ps(p.add(2 * stride)));
+        let lanes = _mm512_loadu_si512(KEPT.as_ptr().cast());
+        F512(_mm512_permutex2var_ps(near, lanes, far))
+    }
 }
 
 impl Simd for Avx512 {
@@ -298,23 +316,34 @@ impl Simd for Avx512 {
     }
     #[inline(always)]
     fn lattice(self, plane: &[f32], first: usize, stride: usize) -> F512 {
-        assert!(stride < 1 << 16 && first < plane.len());
-        assert!(first + 2 * stride + 8 <= plane.len());
-        // Rows of 8, of which 5 are kept: lanes 0 to 4, 5 to 9 and 10 to 14. Fewer of such loads lie
-        // across two lines of the cache than of wider ones.
-        // SAFETY: AVX-512 is there; the 8 floats of each row are in `plane`.
-        unsafe {
-            let p = plane.as_ptr().wrapping_add(first);
-            let near = _mm512_castps256_ps512(_mm256_loadu_ps(p));
-            let near = _mm512_insertf32x8::<1>(near, _mm256_loadu_ps(p.wrapping_add(stride)));
-            let far = _mm512_castps256_ps512(_mm256_loadu_ps(p.wrapping_add(2 * stride)));
-            let lanes = _mm512_loadu_si512(KEPT.as_ptr().cast());
-            F512(_mm512_permutex2var_ps(near, lanes, far))
-        }
+        within(plane, first, stride, (0, 0));
+        // SAFETY: `within` says that it is there.
+        unsafe { lattice_at(plane, first, stride) }
     }
     #[inline(always)]
-    fn lane(self, column: usize, row: usize) -> usize {
-        5 * row + column
+    fn lattices<const KEYS: usize>(
+        self,
+        planes: &[f32],
+        first: usize,
+        stride: usize,
+        count: usize,
+        axes: [usize; 3],
+    ) -> [[F512; 3]; KEYS] {
+        within(planes, first, stride, (3 * KEYS - 1, count));
+        let mut out = [[self.all16(0.0); 3]; KEYS];
+        for (key, out) in out.iter_mut().enumerate() {
+            for (out, axis) in out.iter_mut().zip(axes) {
+                let at = first + (3 * key + axis.min(2)) * count;
+                // SAFETY: `within` says that the last lattice is there, and so those before it: `axis` is at most 2.
+                *out = unsafe { lattice_at(planes, at, stride) };
+            }
+        }
+        out
+    }
+    #[inline(always)]
+    fn corners(self, l: usize) -> [usize; 3] {
+        let [a, b, c] = &ROWS;
+        [a[l & 15] as usize, b[l & 15] as usize, c[l & 15] as usize]
     }
     #[inline(always)]
     fn triangles(self, lattice: F512) -> [F512; 3] {

@@ -51,6 +51,18 @@ pub(super) fn long_rows(plane: &[f32], at: [usize; 2]) -> [Pair; 2] {
     }
 }
 
+/// Floats from the start of a lattice's last row to the end of what may be read of it.
+pub(super) const ROW: usize = 8;
+
+/// # Panics
+/// One of the lattices that begin at `first` and up to `more` steps of so many floats later is not in `planes`.
+#[inline(always)]
+pub(super) fn within(planes: &[f32], first: usize, stride: usize, (more, step): (usize, usize)) {
+    // So no sum below wraps.
+    assert!(stride < 1 << 16 && step < 1 << 16 && first < planes.len());
+    assert!(first + more * step + 2 * stride + ROW <= planes.len());
+}
+
 /// Brings rows of a lattice nearer, as [`Simd::expect_lattice`](crate::Simd::expect_lattice) says.
 #[inline(always)]
 pub(super) fn expect_lattice(plane: &[f32], first: usize, stride: usize) {
