@@ -254,7 +254,10 @@ impl<'a, S: Simd> Packet<'a, S> {
             let dir = [along(&x, &d), along(&y, &d), along(&z, &d)];
             if T::TURNS {
                 let bow = time * (simd.all16(1.0) - time);
-                origin[2] = bow.mul_add(simd.all16(turn.bow), origin[2]);
+                let most = all3(simd, turn.bow);
+                for (origin, most) in origin.iter_mut().zip(most) {
+                    *origin = bow.mul_add(most, *origin);
+                }
             }
             let rays = (origin, dir, time);
             to.set(simd, v, rays, (pad, self.smallest_dir[v]), moving, form);
