@@ -382,8 +382,12 @@ fn turning(object: &ObjectGeometry) -> [usize; 2] {
     let Blas::Moving(tree) = object.blas() else {
         return [0; 2];
     };
-    let turns = tree.frames.iter().filter(|turn| turn.turns());
-    let bowed = |turn: &&Turn| turn.bow.truncate() != glam::Vec2::ZERO;
+    let turns = tree
+        .frames
+        .iter()
+        .map(Turning::turn)
+        .filter(|turn| turn.turns());
+    let bowed = |turn: &Turn| turn.bow.truncate() != glam::Vec2::ZERO;
     [turns.clone().count(), turns.filter(bowed).count()]
 }
 

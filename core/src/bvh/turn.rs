@@ -35,6 +35,10 @@
 //! in a quarter, and so is `T (1 - T) q`, whose sum with a coordinate, padded in its turn, rounds twice, by
 //! `|lo| + |q|/4` each. [`BOWED_PAD`] is for `|lo| + |q|` there, and for `|lo| + e/4 + |q|` where a bound is moved.
 
+//!
+//! **What is stored.** Axes are whole numbers of 2^-14, of 16 bits: 36 bytes a frame ([`StoredTurn`]). They are rounded
+//! before anything is found from them, by up to 2^-15 a component, and shortened before that, so that none is longer than 1.
+
 use glam::Vec3;
 
 use super::{Frame, U};
@@ -59,6 +63,12 @@ const LEAST_LENGTH: f32 = 0.25;
 
 /// Bows are no larger than this many times a block's reach; derived in [`crate::trace::object_ray`].
 const MOST_BOW: f32 = 5.5;
+
+/// What components of axes are whole numbers of.
+const GRAIN: f32 = 1.0 / (1 << 14) as f32;
+
+/// What axes are shortened to before they are rounded, which lengthens them by less.
+const SHORTENED: f32 = 1.0 - 1.0 / (1 << 13) as f32;
 
 /// A frame whose third axis goes from one to another.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -102,7 +112,7 @@ impl Turn {
             (normals[0].dot(after), normals[1].dot(before))
         };
         let Some(mut turn) = Turn::between(start, end, [0, 1].into_iter(), ahead) else {
-            return Turn::fixed(&start.frame);
+            return Turn::fixed(&rounded(&start.frame));
         };
         turn.bow.z = turn.step().dot(end.middle - start.middle);
         turn
@@ -117,7 +127,7 @@ impl Turn {
             ((1.0 - time) * before, time * after)
         };
         let mut turn = Turn::between(start, end, 0..2 * inner.len(), along)
-            .unwrap_or_else(|| Turn::fixed(rest));
+            .unwrap_or_else(|| Turn::fixed(&rounded(rest)));
         let path = Path { start, inner, end };
         for axis in 0..3 {
             turn.bow[axis] = path.bow(&turn, axis);
@@ -155,8 +165,8 @@ impl Turn {
             normals[1] *= 1.0 / ratio;
         }
         Some(Turn {
-            axes: [middle.axes[0], middle.axes[1]],
-            normals,
+            axes: [middle.axes[0], middle.axes[1]].map(round),
+            normals: normals.map(round),
             bow: Vec3::ZERO,
         })
     }
@@ -189,6 +199,43 @@ impl Turn {
         let [from, to] = self.normals.map(|normal| normal.as_dvec3());
         Frame {
             axes: [x, y, (from + (to - from) * f64::from(time)).as_vec3()],
+        }
+    }
+}
+
+/// An axis, as it is stored.
+#[inline(always)]
+fn round(axis: Vec3) -> Vec3 {
+    let grains = axis * (SHORTENED / GRAIN);
+    Vec3::from_array(grains.to_array().map(f32::round_ties_even)) * GRAIN
+}
+
+#[inline(always)]
+fn rounded(frame: &Frame) -> Frame {
+    Frame {
+        axes: frame.axes.map(round),
+    }
+}
+
+/// A [`Turn`] as it is stored.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C)]
+pub struct StoredTurn {
+    /// Both that are fixed, then the third at the start and at the end, in grains.
+    axes: [[i16; 3]; 4],
+    bow: [f32; 3],
+}
+
+impl StoredTurn {
+    /// Of one whose axes have been rounded.
+    #[inline(always)]
+    fn of(turn: &Turn) -> StoredTurn {
+        let [x, y] = turn.axes;
+        let [z0, z1] = turn.normals;
+        let grains = |axis: Vec3| (axis * (1.0 / GRAIN)).to_array().map(|x| x as i16);
+        StoredTurn {
+            axes: [x, y, z0, z1].map(grains),
+            bow: turn.bow.to_array(),
         }
     }
 }
@@ -255,7 +302,7 @@ impl Path<'_> {
     }
 }
 
-/// What blocks of a kind of tree are turned by: a [`Frame`], or a [`Turn`].
+/// What blocks of a kind of tree are turned by: a [`Frame`], a [`Turn`], or one as it is stored.
 pub trait Turning: Clone + Copy + std::fmt::Debug + Send + Sync + 'static {
     /// True where it may change with time.
     const TURNS: bool;
@@ -317,5 +364,42 @@ impl Turning for Turn {
         Frame {
             axes: [x, y, self.normals[0]],
         }
+    }
+}
+
+impl Turning for StoredTurn {
+    const TURNS: bool = true;
+    const IDENTITY: Self = {
+        /// 1, in grains.
+        const ONE: i16 = 1 << 14;
+        StoredTurn {
+            axes: [[ONE, 0, 0], [0, ONE, 0], [0, 0, ONE], [0, 0, ONE]],
+            bow: [0.0; 3],
+        }
+    };
+    fn fixed(frame: Frame) -> Self {
+        StoredTurn::of(&Turn::fixed(&rounded(&frame)))
+    }
+    fn through(start: &Pose, inner: &[Between], end: &Pose, rest: &Frame) -> Self {
+        StoredTurn::of(&Turn::through(start, inner, end, rest))
+    }
+    #[inline(always)]
+    fn between(start: &Pose, end: &Pose) -> Self {
+        StoredTurn::of(&Turn::new(start, end))
+    }
+    #[inline(always)]
+    fn turn(&self) -> Turn {
+        let [x, y, z0, z1] = self
+            .axes
+            .map(|axis| Vec3::from_array(axis.map(f32::from)) * GRAIN);
+        Turn {
+            axes: [x, y],
+            normals: [z0, z1],
+            bow: Vec3::from_array(self.bow),
+        }
+    }
+    #[inline(always)]
+    fn start(&self) -> Frame {
+        self.turn().start()
     }
 }

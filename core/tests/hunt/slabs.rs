@@ -318,7 +318,7 @@ fn hunt(
     way: impl Fn(&mut Genes<'_>) -> Way + Sync,
 ) {
     for (level, seed) in Level::available().into_iter().zip(seed..) {
-        let found = climb(20_000, 96, seed, |genes| {
+        let found = climb(20_000, 64, seed, |genes| {
             let scale = genes.whole(scales.0, scales.1);
             let case = Case::new(genes, scale);
             score(&case, way(genes), level)
@@ -351,7 +351,7 @@ fn slabs_of_tiny_and_huge_cells() {
 
 #[test]
 fn beams_of_cells() {
-    hunt("beams", (-10, 10), 30, 0.0, in_beam);
+    hunt("beams", (-10, 10), 36, 0.0, in_beam);
 }
 
 #[test]
