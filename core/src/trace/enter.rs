@@ -216,14 +216,18 @@ fn each_of<S: Simd, B: Bounds8, const AGREE: bool>(
     }
 }
 
-/// True where there are more rays than tests of 16 of them against a child: those take as long, about.
+/// What a test of 16 rays against a child takes, in tests of one ray against all children: 80 instructions to 37 with AVX2
+/// where nothing moves, and 93 to 43 where it does.
+const BY_CHILD: u32 = 2;
+
+/// True where tests of 16 rays against one child after the other cost less than those of one ray after the other.
 #[inline(always)]
 pub fn by_child_pays(lanes: u64, valid: u32) -> bool {
     let mut vectors = 0;
     for v in 0..VECTORS {
         vectors += u32::from(part(lanes, v) != 0);
     }
-    lanes.count_ones() > valid.count_ones() * vectors
+    lanes.count_ones() > BY_CHILD * valid.count_ones() * vectors
 }
 
 /// One child after the other, each against all rays, which go in the same direction along each axis.
