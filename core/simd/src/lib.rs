@@ -94,6 +94,8 @@ pub trait Simd: Copy + Debug {
     fn swapped(self, x: Self::F16) -> Self::F16;
     /// Lanes of one and the other, in turns.
     fn zip(self, even: Self::F16, odd: Self::F16) -> [Self::F16; 2];
+    /// Lanes of one and the other, in turns.
+    fn in_pairs(self, even: Self::F8, odd: Self::F8) -> Self::F16;
     /// No bits.
     fn no_bits(self) -> Self::Bits;
     /// `bits`, and in the pairs of lanes of `mask` bit number `more`, less than 64. Both lanes of a pair agree.

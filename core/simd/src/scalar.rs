@@ -189,6 +189,10 @@ impl Simd for Scalar {
         [0, 8].map(|first| Array(std::array::from_fn(|i| [even, odd][i % 2].0[first + i / 2])))
     }
     #[inline]
+    fn in_pairs(self, even: Array<8>, odd: Array<8>) -> Array<16> {
+        Array(std::array::from_fn(|i| [even, odd][i % 2].0[i / 2]))
+    }
+    #[inline]
     fn no_bits(self) -> [u64; 8] {
         [0; 8]
     }

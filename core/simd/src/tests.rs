@@ -62,6 +62,7 @@ impl Kernel for Everything {
         let (a16, b16) = (s.from16(&a), s.from16(&b));
         put(s.swapped(a16));
         s.zip(a16, b16).into_iter().for_each(&mut put);
+        put(s.in_pairs(s.from8(&a8), s.from8(&b8)));
         let (fours, _) = a.as_chunks::<4>();
         put(s.fours([&fours[3], &fours[1], &fours[1], &fours[0]]));
         s.copies_in_fours(a16).into_iter().for_each(&mut put);
@@ -249,6 +250,9 @@ fn pairs_are_lanes_in_turns() {
     let pairs = Scalar.zip(even, odd);
     assert_eq!(pairs[0].to_array()[4..8], [2.0, -2.0, 3.0, -3.0]);
     assert_eq!(pairs[1].to_array()[4..8], [10.0, -10.0, 11.0, -11.0]);
+    let eight = [&a, &b].map(|x| Scalar.from8(&std::array::from_fn(|i| x[i])));
+    let joined = Scalar.in_pairs(eight[0], eight[1]).to_array();
+    assert_eq!(joined, pairs[0].to_array());
     let swapped = Scalar.swapped(pairs[0]).to_array();
     assert_eq!(swapped[4..8], [-2.0, 2.0, -3.0, 3.0]);
     let bytes = Scalar.bytes_in_turns(&[7; 8], &[1, 2, 3, 4, 5, 6, 7, 8]);

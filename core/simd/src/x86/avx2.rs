@@ -248,6 +248,10 @@ impl Simd for Avx2 {
         [zip8(even.0, odd.0), zip8(even.1, odd.1)]
     }
     #[inline(always)]
+    fn in_pairs(self, even: F256, odd: F256) -> Pair {
+        zip8(even, odd)
+    }
+    #[inline(always)]
     fn no_bits(self) -> [__m256i; 2] {
         x86!([_mm256_setzero_si256(); 2])
     }

@@ -246,6 +246,14 @@ impl Simd for Avx512 {
         [chosen(&ZIPPED[0], even, odd), chosen(&ZIPPED[1], even, odd)]
     }
     #[inline(always)]
+    fn in_pairs(self, even: F256, odd: F256) -> F512 {
+        let [even, odd] = x86!([
+            F512(_mm512_castps256_ps512(even.0)),
+            F512(_mm512_castps256_ps512(odd.0))
+        ]);
+        chosen(&ZIPPED[0], even, odd)
+    }
+    #[inline(always)]
     fn no_bits(self) -> __m512i {
         x86!(_mm512_setzero_si512())
     }
