@@ -94,6 +94,8 @@ pub trait Simd: Copy + Debug {
     fn swapped(self, x: Self::F16) -> Self::F16;
     /// Lanes of one and the other, in turns.
     fn zip(self, even: Self::F16, odd: Self::F16) -> [Self::F16; 2];
+    /// Lanes of one and the other, in turns.
+    fn in_pairs(self, even: Self::F8, odd: Self::F8) -> Self::F16;
     /// No bits.
     fn no_bits(self) -> Self::Bits;
     /// `bits`, and in the pairs of lanes of `mask` bit number `more`, less than 64. Both lanes of a pair agree.
@@ -154,13 +156,6 @@ pub trait Simd: Copy + Debug {
     /// is cell `(l % 4, l / 4)`, with corners `(i,j) (i+1,j) (i+1,j+1)`; lane `l + 8` is the same cell with
     /// `(i,j) (i+1,j+1) (i,j+1)`.
     fn triangles(self, lattice: Self::F16) -> [Self::F16; 3];
-    /// Corners of the 4 triangles of two cells of a [`Simd::lattice`], in each 4 lanes again: of its first cell the first
-    /// and the second, as [`Simd::triangles`] has them, then of the cell beside that, or `down` below it.
-    fn two_cells(self, lattice: Self::F16, down: bool) -> [Self::F16; 3];
-    /// 4 lanes from each of 4 places.
-    fn fours(self, x: [&[f32; 4]; 4]) -> Self::F16;
-    /// In each 4 lanes, 4 copies of the first, of the second, third and fourth of `x`.
-    fn copies_in_fours(self, x: Self::F16) -> [Self::F16; 4];
 }
 
 /// A computation, generic over the instruction set.

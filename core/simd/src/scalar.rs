@@ -189,6 +189,10 @@ impl Simd for Scalar {
         [0, 8].map(|first| Array(std::array::from_fn(|i| [even, odd][i % 2].0[first + i / 2])))
     }
     #[inline]
+    fn in_pairs(self, even: Array<8>, odd: Array<8>) -> Array<16> {
+        Array(std::array::from_fn(|i| [even, odd][i % 2].0[i / 2]))
+    }
+    #[inline]
     fn no_bits(self) -> [u64; 8] {
         [0; 8]
     }
@@ -286,19 +290,6 @@ impl Simd for Scalar {
     fn triangles(self, lattice: Array<16>) -> [Array<16>; 3] {
         TRIANGLES.map(|corner| Array(corner.map(|i| lattice.0[i as usize])))
     }
-    #[inline]
-    fn two_cells(self, lattice: Array<16>, down: bool) -> [Array<16>; 3] {
-        let lanes = |corner: [usize; 4]| Array(std::array::from_fn(|i| lattice.0[corner[i % 4]]));
-        TWO_CELLS[usize::from(down)].map(lanes)
-    }
-    #[inline]
-    fn fours(self, x: [&[f32; 4]; 4]) -> Array<16> {
-        Array(std::array::from_fn(|i| x[i / 4][i % 4]))
-    }
-    #[inline]
-    fn copies_in_fours(self, x: Array<16>) -> [Array<16>; 4] {
-        std::array::from_fn(|k| Array(std::array::from_fn(|i| x.0[i / 4 * 4 + k])))
-    }
 }
 
 /// Each 4 lanes of `a`, then of `b`, joined: the first with the third, the second with the fourth, and both.
@@ -325,10 +316,3 @@ pub(crate) fn corners(l: usize) -> [usize; 3] {
     let [a, b, c] = &TRIANGLES;
     [a[l & 15] as usize, b[l & 15] as usize, c[l & 15] as usize]
 }
-
-/// Lanes of a lattice at the corners of the triangles of two cells, beside each other and one below the other; see
-/// [`Simd::two_cells`].
-const TWO_CELLS: [[[usize; 4]; 3]; 2] = [
-    [[0, 0, 1, 1], [1, 5, 2, 6], [5, 4, 6, 5]],
-    [[0, 0, 4, 4], [1, 5, 5, 9], [5, 4, 9, 8]],
-];

@@ -62,9 +62,7 @@ impl Kernel for Everything {
         let (a16, b16) = (s.from16(&a), s.from16(&b));
         put(s.swapped(a16));
         s.zip(a16, b16).into_iter().for_each(&mut put);
-        let (fours, _) = a.as_chunks::<4>();
-        put(s.fours([&fours[3], &fours[1], &fours[1], &fours[0]]));
-        s.copies_in_fours(a16).into_iter().for_each(&mut put);
+        put(s.in_pairs(s.from8(&a8), s.from8(&b8)));
         let less = a16.lt(s.swapped(a16));
         let (less, equal) = (less | s.swapped(a16).lt(a16), b16.le(-s.swapped(b16)));
         let bits = s.more_bits(s.no_bits(), less, 63);
@@ -127,12 +125,6 @@ impl Kernel for Everything {
                     let alone = s.lattice(&plane, first + 2 * (3 * key + axis), stride);
                     assert_eq!(lattice.to_array(), alone.to_array());
                 }
-            }
-            for corner in [false, true]
-                .map(|down| s.two_cells(lattice, down))
-                .as_flattened()
-            {
-                out.extend(corner.to_array().map(f32::to_bits));
             }
         }
         out
@@ -249,6 +241,9 @@ fn pairs_are_lanes_in_turns() {
     let pairs = Scalar.zip(even, odd);
     assert_eq!(pairs[0].to_array()[4..8], [2.0, -2.0, 3.0, -3.0]);
     assert_eq!(pairs[1].to_array()[4..8], [10.0, -10.0, 11.0, -11.0]);
+    let eight = [&a, &b].map(|x| Scalar.from8(&std::array::from_fn(|i| x[i])));
+    let joined = Scalar.in_pairs(eight[0], eight[1]).to_array();
+    assert_eq!(joined, pairs[0].to_array());
     let swapped = Scalar.swapped(pairs[0]).to_array();
     assert_eq!(swapped[4..8], [-2.0, 2.0, -3.0, 3.0]);
     let bytes = Scalar.bytes_in_turns(&[7; 8], &[1, 2, 3, 4, 5, 6, 7, 8]);
@@ -280,23 +275,4 @@ fn triangles_are_those_of_the_lattice() {
             [first, first + 11.0, first + 10.0]
         );
     }
-    let lattice = Scalar.lattice(&plane, 0, 5);
-    for (down, second) in [(false, 1), (true, 4)] {
-        let two = Scalar.two_cells(lattice, down);
-        for lane in 0..16 {
-            let of = [0, 8, second, second + 8][lane % 4];
-            let [all, two] = [corners, two].map(|x| x.map(|corner| corner.to_array()));
-            assert_eq!(two.map(|x| x[lane]), all.map(|x| x[of]), "lane {lane}");
-        }
-    }
-}
-
-#[test]
-fn fours_are_joined_and_copied() {
-    let a: [f32; 16] = std::array::from_fn(|i| i as f32);
-    let (fours, _) = a.as_chunks::<4>();
-    let joined = Scalar.fours([&fours[2], &fours[0], &fours[1], &fours[3]]);
-    assert_eq!(joined.to_array()[..6], [8.0, 9.0, 10.0, 11.0, 0.0, 1.0]);
-    let copies = Scalar.copies_in_fours(joined);
-    assert_eq!(copies[1].to_array()[2..6], [9.0, 9.0, 1.0, 1.0]);
 }

@@ -34,7 +34,6 @@
 //! rounds three times, by `|lo| + e/4` at most each. With more than two keys `h^2 q` is rounded once, by `|q|/4`
 //! in a quarter, and so is `T (1 - T) q`, whose sum with a coordinate, padded in its turn, rounds twice, by
 //! `|lo| + |q|/4` each. [`BOWED_PAD`] is for `|lo| + |q|` there, and for `|lo| + e/4 + |q|` where a bound is moved.
-
 //!
 //! **What is stored.** Axes are whole numbers of 2^-14, of 16 bits: 36 bytes a frame ([`StoredTurn`]). They are rounded
 //! before anything is found from them, by up to 2^-15 a component, and shortened before that, so that none is longer than 1.

@@ -16,6 +16,11 @@
 //! Planes at a time are off by 9 in `x` and by 9 in `z`, which a slope doubles: 65 together, less than a pad, which is
 //! 80. So chords are moved by [`BEAM_PADS`] pads. The other half's chord only widens a beam, whatever it rounds there.
 //! Where the beam begins and ends is moved as far: what it rounds is less than that, too.
+//!
+//! **Wide children.** Of a child that is far wider than the beam nearly all rays meet it where one does, and leaving out
+//! those that do not costs more than their tests of what is below. So all go there, and none is tested: a ray may meet
+//! what it would not meet alone. Where a child begins for them is where its nearest `z` is for the ray that is nearest to it
+//! and fastest; a ray is inside sooner by a pad at most, and `z` and its origin are moved by [`BEAM_PADS`].
 
 use hdtrapeze_simd::{Float, Mask, Part, Simd};
 
@@ -31,6 +36,10 @@ const BEAM_PADS: f32 = 4.0;
 pub const BEAM_RAYS: u32 = 24;
 /// In smaller trees, making a beam takes longer than it saves.
 const BEAM_NODES: usize = 8;
+/// A child this many times as wide as the beam, along x and y, is wide.
+const WIDE: f32 = 3.0;
+/// What a quotient is made smaller by, or larger: more than the four roundings in it.
+const OUTWARD: f32 = 8.0 * U;
 
 /// A line over z, from where a half of the beam begins.
 #[derive(Clone, Copy, Debug)]
@@ -76,6 +85,23 @@ pub struct Beam {
     times: [f32; 2],
     /// Along x and y, of the smallest and of the smallest mirrored, in each half.
     sides: [[[Chord; 2]; 2]; 2],
+    /// What is wide along x and y.
+    wide: [f32; 2],
+    /// The largest z of an origin, and above.
+    from: f32,
+    /// The smallest and the largest of what rays take for 1 along z.
+    inverses: [f32; 2],
+}
+
+/// Children that a beam may touch.
+#[derive(Clone, Copy, Debug)]
+pub struct Touched {
+    /// Those.
+    pub children: u32,
+    /// Those of them that are far wider than the beam: most rays meet most of them.
+    pub wide: u32,
+    /// No ray meets a child sooner.
+    pub near: [f32; 8],
 }
 
 impl Beam {
@@ -126,6 +152,7 @@ impl Beam {
         let mut least_time = inf;
         let mut most_time = -inf;
         let (mut pad, mut reach, mut begin) = (zero, zero, inf);
+        let (mut from, mut least_inverse, mut most_inverse) = (-inf, inf, zero);
         let mut straight = true;
         let mut lines = [[[zero; 2]; VECTORS]; 2];
         let mut depths = [zero; VECTORS];
@@ -146,6 +173,9 @@ impl Beam {
             let ok = zero.lt(dz) & dir[axes[0]].abs().le(limit) & dir[axes[1]].abs().le(limit);
             straight &= ok.bits() & lanes == lanes;
             let inverse = one.over(dz);
+            from = oz.or(mask, from).max(from);
+            least_inverse = inverse.or(mask, least_inverse).min(least_inverse);
+            most_inverse = inverse.or(mask, most_inverse).max(most_inverse);
             for a in 0..2 {
                 lines[a][v] = [origin[axes[a]], dir[axes[a]] * inverse];
             }
@@ -209,6 +239,11 @@ impl Beam {
                 Chord::new([b, c], z[2] - z[1], least),
             ]
         };
+        let width = |[least, mirrored]: [[f32; 3]; 2]| {
+            let at = |end: usize| -(least[end] + mirrored[end]);
+            WIDE * at(0).max(at(1)).max(at(2))
+        };
+        let wide = ends.map(width);
         let [x, y] = ends;
         Some(Beam {
             axes: [axes[0], axes[1], z_axis],
@@ -220,6 +255,12 @@ impl Beam {
                 [0.0; 2]
             },
             sides: [x.map(halves), y.map(halves)],
+            wide,
+            from: from.most() + by,
+            inverses: [
+                least_inverse.least() * (1.0 - OUTWARD),
+                most_inverse.most() * (1.0 + OUTWARD),
+            ],
         })
     }
 
@@ -253,7 +294,7 @@ impl Beam {
 
     /// Children that the beam may touch.
     #[inline(always)]
-    pub fn touched<S: Simd, B: Bounds8>(&self, simd: S, bounds: &B, valid: u32) -> u32 {
+    pub fn touched<S: Simd, B: Bounds8>(&self, simd: S, bounds: &B, valid: u32) -> Touched {
         simd.apart(Touch {
             beam: self,
             bounds,
@@ -262,13 +303,19 @@ impl Beam {
     }
 
     #[inline(always)]
-    fn touch<S: Simd, B: Bounds8>(&self, simd: S, bounds: &B, valid: u32) -> u32 {
+    fn touch<S: Simd, B: Bounds8>(&self, simd: S, bounds: &B, valid: u32) -> Touched {
         let [low, high] = self.range(simd, bounds, self.axes[2]);
         let (low, high) = if self.mirrored {
             (-high, -low)
         } else {
             (low, high)
         };
+        let ahead = low - simd.all8(self.from);
+        let [least, most] = self.inverses.map(
+            #[inline(always)]
+            |inverse| ahead * simd.all8(inverse),
+        );
+        let near = least.min(most).to_array();
         let low = low.max(simd.all8(self.z[0]));
         let high = high.min(simd.all8(self.z[2]));
         let mut touched = low.le(high);
@@ -278,15 +325,22 @@ impl Beam {
             let begin = simd.all8(begin);
             *between = [low - begin, high - begin];
         }
-        for (sides, &axis) in self.sides.iter().zip(&self.axes) {
-            let [lower, upper] = self.range(simd, bounds, axis);
+        let mut wide = touched;
+        for (a, sides) in self.sides.iter().enumerate() {
+            let [lower, upper] = self.range(simd, bounds, self.axes[a]);
+            wide = wide & simd.all8(self.wide[a]).lt(upper - lower);
             for (side, most) in sides.iter().zip([upper, -lower]) {
                 let first = side[0].least(simd, &halves[0]);
                 let least = side[1].least(simd, &halves[1]).min(first);
                 touched = touched & least.le(most);
             }
         }
-        touched.bits() & valid
+        let children = touched.bits() & valid;
+        Touched {
+            children,
+            wide: wide.bits() & children,
+            near,
+        }
     }
 }
 
@@ -311,9 +365,9 @@ struct Touch<'a, B> {
 }
 
 impl<S: Simd, B: Bounds8> Part<S> for Touch<'_, B> {
-    type Output = u32;
+    type Output = Touched;
     #[inline(always)]
-    fn run(self, simd: S) -> u32 {
+    fn run(self, simd: S) -> Touched {
         self.beam.touch(simd, self.bounds, self.valid)
     }
 }
@@ -343,7 +397,8 @@ mod tests {
         }
     }
 
-    /// Children that the beam touches, and those that some ray enters; none where there is no beam.
+    /// Children that the beam touches, those that some ray enters, and those that none enters sooner than the beam says;
+    /// none where there is no beam.
     struct Both<'a, B> {
         rays: &'a [Rays; VECTORS],
         lanes: u64,
@@ -352,9 +407,9 @@ mod tests {
     }
 
     impl<B: Bounds8> Kernel for Both<'_, B> {
-        type Output = Option<(u32, u32)>;
+        type Output = Option<(u32, u32, u32)>;
         #[inline(always)]
-        fn run<S: Simd>(self, simd: S) -> Option<(u32, u32)> {
+        fn run<S: Simd>(self, simd: S) -> Option<(u32, u32, u32)> {
             let bounds = B::pack(simd, &Boxes8::of(simd, self.boxes));
             let mut slabs = Slabs::NONE;
             let packet = if B::MOVING {
@@ -364,7 +419,9 @@ mod tests {
             };
             let t_min = [[0.25; LANES]; VECTORS];
             let beam = Beam::within(simd, &packet, &bounds, &t_min)?;
-            let mut entered = 0;
+            let touched = beam.touched(simd, &bounds, 0xff);
+            assert_eq!(touched.wide & !touched.children, 0);
+            let (mut entered, mut in_time) = (0, 0xff);
             // One by one, so that no other ray can hide a mistake.
             for ray in (0..64).filter(|ray| packet.sound >> ray & 1 == 1) {
                 let spans = Spans {
@@ -374,12 +431,17 @@ mod tests {
                 };
                 let found = enter_packet(simd, &bounds, 0xff, packet.slabs, 1 << ray, spans);
                 entered |= found.children;
+                for child in (0..8).filter(|child| found.children >> child & 1 == 1) {
+                    if touched.near[child] > found.near(child) {
+                        in_time &= !(1 << child);
+                    }
+                }
             }
-            Some((beam.touched(simd, &bounds, 0xff), entered))
+            Some((touched.children, entered, in_time))
         }
     }
 
-    fn trial<B: Bounds8>(seed: u64, level: Level) -> Option<(u32, u32)> {
+    fn trial<B: Bounds8>(seed: u64, level: Level) -> Option<(u32, u32, u32)> {
         let mut random = Random(seed * 77 + 5);
         let (target, from) = (random.vec(), random.vec() * 3.0);
         let width = [0.002, 0.05, 0.4][seed as usize % 3];
@@ -431,10 +493,11 @@ mod tests {
                     trial::<StaticSlabs>(seed, level),
                     trial::<LinearSlabs>(seed, level),
                 ] {
-                    let Some((by_beam, by_rays)) = found else {
+                    let Some((by_beam, by_rays, in_time)) = found else {
                         continue;
                     };
                     assert_eq!(by_rays & !by_beam, 0, "{seed}, {}", level.name());
+                    assert_eq!(in_time, 0xff, "{seed}, {}", level.name());
                     beams += 1;
                     touched += by_beam.count_ones();
                     entered += by_rays.count_ones();

@@ -21,7 +21,7 @@ pub struct CellRays {
 
 /// What micropolygons ask of a ray: its origin mirrored, in the order of its axes, and the fraction inside its segment of keys; then
 /// `dir[x] / dir[z]` and `dir[y] / dir[z]` in these axes, `dir[z]`, and a number without meaning.
-pub type CellLanes = [[f32; 4]; 2];
+pub type CellLanes = [f32; 8];
 
 impl CellRays {
     /// Nothing.
@@ -30,7 +30,7 @@ impl CellRays {
         z_axis: [0; PACKET],
         key: [0; PACKET],
         fraction: [[0.0; LANES]; VECTORS],
-        rays: [[[0.0; 4]; 2]; PACKET],
+        rays: [[0.0; 8]; PACKET],
     };
 
     /// What must not be read.
@@ -39,7 +39,7 @@ impl CellRays {
         z_axis: [u8::MAX; PACKET],
         key: [u32::MAX; PACKET],
         fraction: [[f32::NAN; LANES]; VECTORS],
-        rays: [[[f32::NAN; 4]; 2]; PACKET],
+        rays: [[f32::NAN; 8]; PACKET],
     };
 
     /// Prepares the rays `sound`, of which there is one or more. Of others nothing is said.
@@ -227,10 +227,7 @@ impl Sheared {
                 {
                     let at = 8 * half + 4 * quarter + 2 * i;
                     let two = two.to_array();
-                    to[at..at + 2]
-                        .as_flattened_mut()
-                        .as_flattened_mut()
-                        .copy_from_slice(&two);
+                    to[at..at + 2].as_flattened_mut().copy_from_slice(&two);
                 }
             }
         }

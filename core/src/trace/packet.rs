@@ -231,37 +231,208 @@ impl<'a, S: Simd> Packet<'a, S> {
         to: &mut Slabs,
     ) {
         let simd = self.simd;
-        let turn = frame.turn();
-        let [x, y] = turn.axes;
-        let (z, step) = (turn.normals[0], turn.step());
         for (v, rays) in self.rays.iter().enumerate().take(VECTORS) {
             if part(lanes, v) == 0 {
                 continue;
             }
-            let (p, d) = (load3(simd, &rays.origin), load3(simd, &rays.dir));
-            let (x, y) = (all3(simd, x), all3(simd, y));
-            let mut z = all3(simd, z);
-            let mut pad = self.pad[v];
-            let time = self.time[v];
-            if T::TURNS {
-                let step = all3(simd, step);
-                for (z, step) in z.iter_mut().zip(step) {
-                    *z = step.mul_add(time, *z);
-                }
-                pad = pad * simd.all16(TURN_PADS);
-            }
-            let mut origin = [along(&x, &p), along(&y, &p), along(&z, &p)];
-            let dir = [along(&x, &d), along(&y, &d), along(&z, &d)];
-            if T::TURNS {
-                let bow = time * (simd.all16(1.0) - time);
-                let most = all3(simd, turn.bow);
-                for (origin, most) in origin.iter_mut().zip(most) {
-                    *origin = bow.mul_add(most, *origin);
-                }
-            }
-            let rays = (origin, dir, time);
+            let rays = (
+                load3(simd, &rays.origin),
+                load3(simd, &rays.dir),
+                self.time[v],
+            );
+            let (rays, pad) = turned(Sixteen(simd), frame, rays, self.pad[v]);
             to.set(simd, v, rays, (pad, self.smallest_dir[v]), moving, form);
         }
+    }
+
+    /// Each sound ray's numbers together. Of others nothing is said.
+    #[inline(always)]
+    pub fn records(&self, to: &mut [Record; PACKET]) {
+        self.simd.apart(Record8 { packet: self, to });
+    }
+}
+
+/// Origin, direction, instant and pad of a ray, for frames that few rays of a packet are turned into.
+pub type Record = [f32; 8];
+
+struct Record8<'a, 'b, S: Simd> {
+    packet: &'a Packet<'b, S>,
+    to: &'a mut [Record; PACKET],
+}
+
+impl<S: Simd> Part<S> for Record8<'_, '_, S> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self, simd: S) {
+        let Packet {
+            rays, time, pad, ..
+        } = self.packet;
+        for (v, rays) in rays.iter().enumerate().take(VECTORS) {
+            let (time, pad) = (time[v].to_array(), pad[v].to_array());
+            let ([x, y, z], [dx, dy, dz]) = (&rays.origin, &rays.dir);
+            let of = [x, y, z, dx, dy, dz, &time, &pad];
+            for half in 0..2 {
+                let mut eight = [simd.all8(0.0); EIGHT];
+                for (eight, lanes) in eight.iter_mut().zip(of) {
+                    *eight = simd.from8(&lanes.as_chunks().0[half]);
+                }
+                let first = LANES * v + EIGHT * half;
+                let to = &mut self.to[first..first + EIGHT];
+                for (to, ray) in to.iter_mut().zip(simd.transposed(eight)) {
+                    *to = ray.to_array();
+                }
+            }
+        }
+    }
+}
+
+/// Rays that are turned at once where they are few.
+const EIGHT: usize = 8;
+
+/// Few rays of a packet, turned into a frame: one after the other from the first place on, however they lie in the
+/// packet. [`Form::InTurns`] is set.
+#[inline(always)]
+pub fn turn_few<S: Simd, T: Turning>(
+    simd: S,
+    frame: &T,
+    rays: u64,
+    moving: bool,
+    records: &[Record; PACKET],
+    to: &mut Slabs,
+) {
+    let eights = Eight(simd);
+    to.negative = [0; 3];
+    let mut rest = rays;
+    let mut first = 0;
+    while rest != 0 {
+        let mut eight = [simd.all8(0.0); EIGHT];
+        for to in &mut eight {
+            // Any ray where there are no more.
+            *to = simd.from8(&records[rest.trailing_zeros() as usize & (PACKET - 1)]);
+            rest &= rest.wrapping_sub(1);
+        }
+        let [x, y, z, dx, dy, dz, time, pad] = simd.transposed(eight);
+        let longest = dx.abs().max(dy.abs()).max(dz.abs());
+        let rays = ([x, y, z], [dx, dy, dz], time);
+        let ((origin, dir, time), pad) = turned(eights, frame, rays, pad);
+        let (v, lane) = split(first);
+        for a in 0..3 {
+            let pads = (pad, longest * simd.all8(U));
+            let along = mirrored(eights, (origin[a], dir[a], time), pads, moving);
+            let set = |to: &mut Lanes, x: S::F8| {
+                to[lane..lane + EIGHT].copy_from_slice(&x.to_array());
+            };
+            set(&mut to.to_start[a][v], along.to_start);
+            if moving {
+                set(&mut to.to_end[a][v], along.to_end);
+            }
+            let pairs = simd.in_pairs(along.near, along.far).to_array();
+            to.base[a][v][lane..lane + EIGHT]
+                .as_flattened_mut()
+                .copy_from_slice(&pairs);
+            to.negative[a] |= u64::from(along.negative.bits()) << first;
+        }
+        first = (first + EIGHT) & (PACKET - 1);
+    }
+}
+
+/// Makes vectors of `N` copies.
+trait Copies<const N: usize>: Copy {
+    type Vector: Float<N>;
+    fn all(self, x: f32) -> Self::Vector;
+}
+
+/// Vectors of 8.
+#[derive(Clone, Copy)]
+struct Eight<S>(S);
+
+impl<S: Simd> Copies<EIGHT> for Eight<S> {
+    type Vector = S::F8;
+    #[inline(always)]
+    fn all(self, x: f32) -> S::F8 {
+        self.0.all8(x)
+    }
+}
+
+/// Vectors of 16.
+#[derive(Clone, Copy)]
+struct Sixteen<S>(S);
+
+impl<S: Simd> Copies<LANES> for Sixteen<S> {
+    type Vector = S::F16;
+    #[inline(always)]
+    fn all(self, x: f32) -> S::F16 {
+        self.0.all16(x)
+    }
+}
+
+/// Origin, direction and instant of rays, by lane.
+type Turned<F> = ([F; 3], [F; 3], F);
+
+/// Rays turned into a frame, and what slab tests are padded by there.
+#[inline(always)]
+fn turned<const N: usize, C: Copies<N>, T: Turning>(
+    copies: C,
+    frame: &T,
+    (origin, dir, time): Turned<C::Vector>,
+    pad: C::Vector,
+) -> (Turned<C::Vector>, C::Vector) {
+    let turn = frame.turn();
+    let [x, y] = turn.axes;
+    let (x, y) = (all3(copies, x), all3(copies, y));
+    let mut z = all3(copies, turn.normals[0]);
+    let mut pad = pad;
+    if T::TURNS {
+        let step = all3(copies, turn.step());
+        for (z, step) in z.iter_mut().zip(step) {
+            *z = step.mul_add(time, *z);
+        }
+        pad = pad * copies.all(TURN_PADS);
+    }
+    let mut origin = [along(&x, &origin), along(&y, &origin), along(&z, &origin)];
+    let dir = [along(&x, &dir), along(&y, &dir), along(&z, &dir)];
+    if T::TURNS {
+        let bow = time * (copies.all(1.0) - time);
+        let most = all3(copies, turn.bow);
+        for (origin, most) in origin.iter_mut().zip(most) {
+            *origin = bow.mul_add(most, *origin);
+        }
+    }
+    ((origin, dir, time), pad)
+}
+
+/// Rays along one axis, as [`Slabs`] has them.
+struct Mirrored<F, M> {
+    negative: M,
+    to_start: F,
+    /// Without meaning where nothing moves.
+    to_end: F,
+    near: F,
+    far: F,
+}
+
+#[inline(always)]
+fn mirrored<const N: usize, F: Float<N>>(
+    copies: impl Copies<N, Vector = F>,
+    (origin, dir, time): (F, F, F),
+    (pad, smallest_dir): (F, F),
+    moving: bool,
+) -> Mirrored<F, F::Mask> {
+    let (zero, one) = (copies.all(0.0), copies.all(1.0));
+    let negative = dir.lt(zero);
+    let d = dir.abs();
+    let inverse = one.over(smallest_dir.or(d.lt(smallest_dir), d));
+    let origin = (-origin).or(negative, origin);
+    let (mut to_start, mut to_end) = (inverse, inverse);
+    if moving {
+        (to_start, to_end) = ((one - time) * inverse, time * inverse);
+    }
+    Mirrored {
+        negative,
+        to_start,
+        to_end,
+        near: (origin + pad) * -inverse,
+        far: (origin - pad) * inverse,
     }
 }
 
@@ -341,13 +512,13 @@ pub fn load3<S: Simd>(simd: S, x: &[Lanes; 3]) -> [S::F16; 3] {
 }
 
 #[inline(always)]
-fn all3<S: Simd>(simd: S, v: Vec3) -> [S::F16; 3] {
-    [simd.all16(v.x), simd.all16(v.y), simd.all16(v.z)]
+fn all3<const N: usize, C: Copies<N>>(copies: C, v: Vec3) -> [C::Vector; 3] {
+    [copies.all(v.x), copies.all(v.y), copies.all(v.z)]
 }
 
 /// The coordinate along an axis.
 #[inline(always)]
-fn along<F: Float<LANES>>(axis: &[F; 3], v: &[F; 3]) -> F {
+fn along<const N: usize, F: Float<N>>(axis: &[F; 3], v: &[F; 3]) -> F {
     let [x, y, z] = *v;
     z.mul_add(axis[2], y.mul_add(axis[1], x * axis[0]))
 }
@@ -385,32 +556,23 @@ impl Slabs {
         moving: bool,
         form: Form,
     ) {
-        let (zero, one) = (simd.all16(0.0), simd.all16(1.0));
         for a in 0..3 {
-            let negative = dir[a].lt(zero);
-            let d = dir[a].abs();
-            let inverse = one.over(smallest_dir.or(d.lt(smallest_dir), d));
-            let origin = (-origin[a]).or(negative, origin[a]);
-            let to_start = if moving {
-                (one - time) * inverse
-            } else {
-                inverse
-            };
-            self.to_start[a][v] = to_start.to_array();
+            let pads = (pad, smallest_dir);
+            let along = mirrored(Sixteen(simd), (origin[a], dir[a], time), pads, moving);
+            self.to_start[a][v] = along.to_start.to_array();
             if moving {
-                self.to_end[a][v] = (time * inverse).to_array();
+                self.to_end[a][v] = along.to_end.to_array();
             }
-            let (near, far) = ((origin + pad) * -inverse, (origin - pad) * inverse);
             if form != Form::Apart {
-                self.base[a][v] = in_turns(simd, near, far);
+                self.base[a][v] = in_turns(simd, along.near, along.far);
             }
             if form != Form::InTurns {
-                self.sides[0][a][v] = near.to_array();
-                self.sides[1][a][v] = far.to_array();
+                self.sides[0][a][v] = along.near.to_array();
+                self.sides[1][a][v] = along.far.to_array();
             }
             let shift = LANES * v;
             let kept = self.negative[a] & !(0xffff << shift);
-            self.negative[a] = kept | u64::from(negative.bits()) << shift;
+            self.negative[a] = kept | u64::from(along.negative.bits()) << shift;
         }
     }
 }

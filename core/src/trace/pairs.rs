@@ -119,7 +119,7 @@ impl Pairs {
         while rest != 0 {
             let ray = rest.trailing_zeros();
             rest &= rest - 1;
-            let [[ox, oy, oz, fraction], [slope_x, slope_y, ..]] =
+            let [ox, oy, oz, fraction, slope_x, slope_y, ..] =
                 &cells.rays[ray as usize & (PACKET - 1)];
             let mut corner = p;
             for (a, origin) in [ox, oy, oz].into_iter().enumerate() {
@@ -153,7 +153,7 @@ impl Pairs {
         let count = self.count.min(MOST);
         for (pair, [x, y, z]) in self.pairs[..count].iter().zip(&self.vertices) {
             let ray = pair.ray as usize;
-            let [_, [.., dir_z, _]] = cells.rays[ray & (PACKET - 1)];
+            let [.., dir_z, _] = cells.rays[ray & (PACKET - 1)];
             let dir_z = f64::from(dir_z);
             let mut found = pair.found;
             while found != 0 {

@@ -1,7 +1,7 @@
 //! What a thread keeps between packets, so that nothing large is made, cleared or copied for each of them.
 
 use super::cell_rays::CellRays;
-use super::packet::{LANES, Rays, Slabs, VECTORS};
+use super::packet::{LANES, PACKET, Rays, Record, Slabs, VECTORS};
 use super::pairs::Pairs;
 use super::traverse_packet::{Queries, Waiting};
 
@@ -29,6 +29,8 @@ pub(super) struct Space {
     pub turned: Slabs,
     /// In the frame of a block.
     pub in_block: Slabs,
+    /// To be turned into the frame of a block.
+    pub records: [Record; PACKET],
     /// For micropolygons.
     pub cells: CellRays,
 }
@@ -39,6 +41,7 @@ impl Space {
         slabs: Slabs::NONE,
         turned: Slabs::NONE,
         in_block: Slabs::NONE,
+        records: [[0.0; 8]; PACKET],
         cells: CellRays::NONE,
     };
 
@@ -54,6 +57,7 @@ impl Space {
             slabs,
             turned: slabs,
             in_block: slabs,
+            records: [[f32::NAN; 8]; PACKET],
             cells: CellRays::SPOILED,
         }
     };

@@ -8,9 +8,10 @@ use hdtrapeze_simd::{Float, Mask, Part, Simd};
 
 use super::beam::{BEAM_RAYS, Beam};
 use super::cell_rays::CellRays;
-use super::enter::{Spans, by_child_pays, enter_packet};
+use super::enter::{Entered, Spans, by_child_pays, enter_few, enter_packet};
 use super::packet::{
-    All, Form, LANES, Lanes, PACKET, Packet, Ranges, Rays, Slabs, VECTORS, in_turns, part, split,
+    All, Form, LANES, Lanes, PACKET, Packet, Ranges, Rays, Record, Slabs, VECTORS, in_turns, part,
+    split,
 };
 use super::pairs::{Pairs, expect};
 use super::relative::SeenMany;
@@ -224,6 +225,9 @@ pub(super) fn walk_packet<S: Simd, B: Bounds8>(
                 &*turned
             };
             let mut valid = node.valid;
+            // Children that all rays are taken to meet: testing them would leave out few.
+            let mut all = 0;
+            let mut near = [0.0; 8];
             if node.frame == 0
                 && rays.count_ones() >= BEAM_RAYS
                 && let Some(beam) = beam.get_or_insert_with(
@@ -231,16 +235,30 @@ pub(super) fn walk_packet<S: Simd, B: Bounds8>(
                     || Beam::new(simd, packet, tree, &queries.t_min),
                 )
             {
-                valid = beam.touched(simd, &node.bounds, valid);
+                let touched = beam.touched(simd, &node.bounds, valid);
+                valid = touched.children;
                 let child = node.children[valid.trailing_zeros() as usize & 7];
                 if valid.is_power_of_two() && child & Tree::<B>::LEAF == 0 {
                     at = child;
                     continue;
                 }
+                near = touched.near;
+                let mut wide = touched.wide;
+                while wide != 0 {
+                    let slot = wide.trailing_zeros() as usize & 7;
+                    wide &= wide - 1;
+                    all |= u32::from(node.children[slot] & Tree::<B>::LEAF == 0) << slot;
+                }
             }
             if valid != 0 {
-                let spans = queries.spans();
-                let found = enter_packet(simd, &node.bounds, valid, slabs, rays, spans);
+                let mut found = Entered::NONE;
+                if valid != all {
+                    let spans = queries.spans();
+                    found = enter_packet(simd, &node.bounds, valid & !all, slabs, rays, spans);
+                }
+                if all != 0 {
+                    found.enter_all(all, rays, &near);
+                }
                 if found.children != 0 {
                     // The nearest child is next; the others wait, nearer ones on top.
                     let (slots, count) = found.by_distance(simd);
@@ -339,6 +357,7 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
             slabs,
             turned,
             in_block,
+            records,
             cells: own,
             ..
         } = &mut *space;
@@ -358,6 +377,9 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
                 &*own
             }
         };
+        if self.blocks.frames.len() > 1 {
+            packet.records(records);
+        }
         walk_packet(
             self.simd,
             &self.blocks.tree,
@@ -370,13 +392,15 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
             #[inline(always)]
             |item, rays, queries, room| {
                 let pairs = &mut room.pairs;
-                self.item_packet(item, rays, &packet, in_block, cells, pairs, queries);
+                let room = (&mut *in_block, &*records);
+                self.item_packet(item, rays, &packet, room, cells, pairs, queries);
             },
         );
         room.give_back(space);
     }
 
-    /// Tests one item of the tree: a loose group or a block. `turned` is room for rays in a block's frame.
+    /// Tests one item of the tree: a loose group or a block. `turned` is room for rays in a block's frame, and `records`
+    /// what they are turned from where there are frames.
     #[inline(always)]
     #[allow(clippy::too_many_arguments)] // one call, inlined
     fn item_packet(
@@ -384,7 +408,7 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
         item: u32,
         rays: u64,
         packet: &Packet<'_, S>,
-        turned: &mut Slabs,
+        (turned, records): (&mut Slabs, &[Record; PACKET]),
         cells: &CellRays,
         pairs: &mut Pairs,
         queries: &mut Queries,
@@ -396,26 +420,20 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
             let block = &self.blocks.blocks[item as usize];
             queries.count_node(self.simd, rays);
             let valid = (1u32 << block.span.count) - 1;
-            let slabs = if block.frame == 0 {
-                &*packet.slabs
-            } else {
-                let frame = &self.blocks.frames[block.frame as usize];
-                let apart = by_child_pays(rays, valid);
-                let form = if apart { Form::Apart } else { Form::InTurns };
-                packet.turn(frame, rays, B::MOVING, form, turned);
-                if apart && !turned.agree(rays) {
-                    turned.pair(self.simd, rays);
+            let (simd, bounds) = (self.simd, &block.bounds);
+            let frame = &self.blocks.frames[block.frame as usize];
+            let found = if block.frame == 0 {
+                enter_packet(simd, bounds, valid, packet.slabs, rays, queries.spans())
+            } else if by_child_pays(rays, valid) {
+                packet.turn(frame, rays, B::MOVING, Form::Apart, turned);
+                if !turned.agree(rays) {
+                    turned.pair(simd, rays);
                 }
-                &*turned
+                enter_packet(simd, bounds, valid, turned, rays, queries.spans())
+            } else {
+                let room = (records, turned);
+                enter_few(simd, bounds, valid, frame, rays, room, &queries.ranges)
             };
-            let found = enter_packet(
-                self.simd,
-                &block.bounds,
-                valid,
-                slabs,
-                rays,
-                queries.spans(),
-            );
             // The first group is waited for; the others come meanwhile.
             let mut later = found.children & found.children.wrapping_sub(1);
             while later != 0 {

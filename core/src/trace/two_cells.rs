@@ -1,19 +1,22 @@
-//! Groups of two micropolygons, the parts of strands: four rays at once against their four triangles.
+//! Groups of two micropolygons, the parts of strands: eight rays at once against their four triangles.
 //!
 //! A group of 4 x 2 fills a vector with one ray. Of a part of a strand a quarter of that would be used, while a packet
-//! brings many rays to each; so a vector has four rays here. The operations are those of [`super::cell`] in the
+//! brings many rays to each; so a vector has eight rays here. The operations are those of [`super::cell`] in the
 //! same order, so hits are the same.
 
-use hdtrapeze_simd::{Float, Simd};
+use hdtrapeze_simd::{Float, Mask, Simd};
 
-use super::cell::{CellHit, exact, maybe_hit};
+use super::cell::{CellHit, exact};
 use super::cell_rays::CellRays;
-use super::packet::{LANES, PACKET, axes_with};
+use super::packet::{PACKET, axes_with};
 use crate::bvh::block::CellRect;
 use crate::grid::PlanarMesh;
 
 /// Rays of a vector.
-const RAYS: usize = 4;
+const RAYS: usize = 8;
+
+/// Corners of the first micropolygon, in their order around it.
+const FIRST: [usize; 4] = [0, 1, 2, 3];
 
 /// True for a group that [`test`] takes.
 #[inline(always)]
@@ -25,6 +28,24 @@ pub fn is_small(rect: CellRect) -> bool {
 /// or one; calls `accept(ray, cell, hit)` for every triangle hit, in no useful order.
 #[inline(always)]
 pub fn test<S: Simd, const MOVING: bool>(
+    simd: S,
+    cells: &CellRays,
+    rays: (usize, u64),
+    mesh: &PlanarMesh,
+    g: u32,
+    rect: CellRect,
+    accept: impl FnMut(usize, u32, CellHit),
+) {
+    if rect.w == 1 {
+        strip::<S, MOVING, true>(simd, cells, rays, mesh, g, rect, accept);
+    } else {
+        strip::<S, MOVING, false>(simd, cells, rays, mesh, g, rect, accept);
+    }
+}
+
+/// The same for cells above each other where `DOWN`, else beside each other.
+#[inline(always)]
+fn strip<S: Simd, const MOVING: bool, const DOWN: bool>(
     simd: S,
     cells: &CellRays,
     (one, rays): (usize, u64),
@@ -39,83 +60,113 @@ pub fn test<S: Simd, const MOVING: bool>(
     let stride = usize::from(grid.nu) + 1;
     let n = grid.vertex_count();
     let start = mesh.plane_start(grid, key) + usize::from(rect.j) * stride + usize::from(rect.i);
-    let down = rect.w == 1;
-    let zero = simd.all16(0.0);
-    // `[corner][axis]`
-    let (mut p, mut step) = ([[zero; 3]; 3], [[zero; 3]; 3]);
-    let (from, to);
+    // `[axis][lane]`
+    let (mut p, mut step) = ([[0.0; 16]; 3], [[0.0; 16]; 3]);
     if MOVING {
-        [from, to] = simd.lattices::<2>(mesh.planes(), start, stride, n, axes);
+        let [from, to] = simd.lattices::<2>(mesh.planes(), start, stride, n, axes);
+        for a in 0..3 {
+            (p[a], step[a]) = (from[a].to_array(), (to[a] - from[a]).to_array());
+        }
     } else {
-        [from] = simd.lattices::<1>(mesh.planes(), start, stride, n, axes);
-        to = from;
-    }
-    for a in 0..3 {
-        let corners = simd.two_cells(from[a], down);
-        let steps = match MOVING {
-            true => simd.two_cells(to[a] - from[a], down),
-            false => corners,
-        };
-        for corner in 0..3 {
-            (p[corner][a], step[corner][a]) = (corners[corner], steps[corner]);
+        let [from] = simd.lattices::<1>(mesh.planes(), start, stride, n, axes);
+        for a in 0..3 {
+            p[a] = from[a].to_array();
         }
     }
-    // Triangles of each ray that there are.
-    let of_each = if rect.w * rect.h == 2 { 0xffff } else { 0x3333 };
+    // The second cell has two corners of the first.
+    let next = if DOWN { 4 } else { 1 };
+    let ([a, b, c], [.., d]) = (simd.corners(0), simd.corners(8));
+    let ([_, b2, c2], [.., d2]) = (simd.corners(next), simd.corners(8 + next));
+    let lanes = [a, b, c, d, c2, if DOWN { d2 } else { b2 }];
+    let second: [usize; 4] = if DOWN { [3, 2, 4, 5] } else { [1, 5, 4, 2] };
+    let two = rect.w * rect.h == 2;
+    let zero = simd.all8(0.0);
     let mut rest = rays;
     while rest != 0 {
         // Any rays where there are fewer, whose lanes do not count.
-        let lanes = (1u32 << (RAYS as u32 * rest.count_ones().min(RAYS as u32))) - 1;
-        let mut four = [0; RAYS];
-        for ray in &mut four {
+        let count = (1u32 << rest.count_ones().min(RAYS as u32)) - 1;
+        let (mut numbers, mut eight) = ([0; RAYS], [zero; RAYS]);
+        for (ray, own) in numbers.iter_mut().zip(&mut eight) {
             *ray = rest.trailing_zeros() as usize & (PACKET - 1);
             rest &= rest.wrapping_sub(1);
+            *own = simd.from8(&cells.rays[*ray]);
         }
-        let [[a, a2], [b, b2], [c, c2], [d, d2]] = [
-            &cells.rays[four[0]],
-            &cells.rays[four[1]],
-            &cells.rays[four[2]],
-            &cells.rays[four[3]],
-        ];
-        let [ox, oy, oz, fraction] = simd.copies_in_fours(simd.fours([a, b, c, d]));
-        let [slope_x, slope_y, ..] = simd.copies_in_fours(simd.fours([a2, b2, c2, d2]));
-        let (mut x, mut y, mut z) = ([zero; 3], [zero; 3], [zero; 3]);
-        for k in 0..3 {
-            let mut corner = p[k];
-            for (a, origin) in [ox, oy, oz].into_iter().enumerate() {
+        let [ox, oy, oz, fraction, slope_x, slope_y, ..] = simd.transposed(eight);
+        let (mut x, mut y, mut z) = ([zero; 6], [zero; 6], [zero; 6]);
+        for k in 0..6 {
+            let lane = lanes[k] & 15;
+            let mut corner = [ox, oy, oz];
+            for a in 0..3 {
+                let mut at = simd.all8(p[a][lane]);
                 if MOVING {
-                    corner[a] = corner[a] + step[k][a] * fraction;
+                    at = at + simd.all8(step[a][lane]) * fraction;
                 }
-                corner[a] = corner[a] + origin;
+                corner[a] = at + corner[a];
             }
             z[k] = corner[2];
             x[k] = corner[0] - z[k] * slope_x;
             y[k] = corner[1] - z[k] * slope_y;
         }
-        let mut found = maybe_hit(simd, x, y) & of_each & lanes;
-        if found == 0 {
+        let [missed_a, missed_b] = missed(simd, &x, &y, FIRST);
+        let [missed_c, missed_d] = missed(simd, &x, &y, second);
+        let all = missed_a & missed_b & missed_c & missed_d;
+        if !all.bits() & count == 0 {
             continue;
         }
-        let mut sheared = [[[0.0; LANES]; 3]; 3];
-        for k in 0..3 {
-            sheared[k] = [x[k].to_array(), y[k].to_array(), z[k].to_array()];
+        let (mut sx, mut sy, mut sz) = ([[0.0; RAYS]; 6], [[0.0; RAYS]; 6], [[0.0; RAYS]; 6]);
+        for k in 0..6 {
+            (sx[k], sy[k], sz[k]) = (x[k].to_array(), y[k].to_array(), z[k].to_array());
         }
-        while found != 0 {
-            let lane = found.trailing_zeros() as usize & 15;
-            found &= found - 1;
-            let ray = four[lane / RAYS];
-            let at = |k: usize| {
-                let [x, y, z] = &sheared[k];
-                [f64::from(x[lane]), f64::from(y[lane]), f64::from(z[lane])]
-            };
-            let corners = [at(0), at(1), at(2)];
-            let [_, [.., dir_z, _]] = cells.rays[ray];
-            if let Some(hit) = exact(corners, lane % 2 == 1, f64::from(dir_z)) {
-                let first = u32::from(rect.j) * u32::from(grid.nu) + u32::from(rect.i);
-                let next = if down { u32::from(grid.nu) } else { 1 };
-                let second = lane % RAYS >= 2;
-                accept(ray, first + if second { next } else { 0 }, hit);
+        let triangles = [
+            (missed_a.bits(), [0, 1, 2]),
+            (missed_b.bits(), [0, 2, 3]),
+            (missed_c.bits(), [second[0], second[1], second[2]]),
+            (missed_d.bits(), [second[0], second[2], second[3]]),
+        ];
+        for (i, (missed, corners)) in triangles.into_iter().enumerate() {
+            let in_second = i >= 2;
+            if in_second && !two {
+                break;
+            }
+            let mut found = !missed & count;
+            while found != 0 {
+                let lane = found.trailing_zeros() as usize & (RAYS - 1);
+                found &= found - 1;
+                let corners = corners.map(
+                    #[inline(always)]
+                    |k| [sx[k][lane], sy[k][lane], sz[k][lane]].map(f64::from),
+                );
+                let ray = numbers[lane];
+                let [.., dir_z, _] = cells.rays[ray];
+                if let Some(hit) = exact(corners, i % 2 == 1, f64::from(dir_z)) {
+                    let first = u32::from(rect.j) * u32::from(grid.nu) + u32::from(rect.i);
+                    let next = if DOWN { u32::from(grid.nu) } else { 1 };
+                    accept(ray, first + if in_second { next } else { 0 }, hit);
+                }
             }
         }
     }
+}
+
+/// Rays that miss each triangle of a cell, whose corners are given in their order around it: those for which its
+/// rounded edge functions differ in sign, as [`super::cell::maybe_hit`] has them. The edge between both has the same number for
+/// both, but for its sign.
+#[inline(always)]
+fn missed<S: Simd>(
+    simd: S,
+    x: &[S::F8; 6],
+    y: &[S::F8; 6],
+    [a, b, c, d]: [usize; 4],
+) -> [<S::F8 as Float<8>>::Mask; 2] {
+    let (ab, bc) = (x[a] * y[b] - y[a] * x[b], x[b] * y[c] - y[b] * x[c]);
+    let (cd, da) = (x[c] * y[d] - y[c] * x[d], x[d] * y[a] - y[d] * x[a]);
+    let ac = x[a] * y[c] - y[a] * x[c];
+    [differ(simd, [ab, bc, -ac]), differ(simd, [ac, cd, da])]
+}
+
+/// True where some numbers are below 0 and others above.
+#[inline(always)]
+fn differ<S: Simd>(simd: S, [p, q, r]: [S::F8; 3]) -> <S::F8 as Float<8>>::Mask {
+    let zero = simd.all8(0.0);
+    p.min(q).min(r).lt(zero) & zero.lt(p.max(q).max(r))
 }

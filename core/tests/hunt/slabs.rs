@@ -12,7 +12,7 @@ use hdtrapeze_core::bvh::{Bounds8, Frame, LinearBox, LinearSlabs, StaticSlabs};
 use hdtrapeze_core::grid::PlanarMesh;
 use hdtrapeze_core::trace::beam::Beam;
 use hdtrapeze_core::trace::cell::CellRay;
-use hdtrapeze_core::trace::enter::{Spans, by_child_pays, enter_packet};
+use hdtrapeze_core::trace::enter::{Spans, by_child_pays, enter_few, enter_packet};
 use hdtrapeze_core::trace::object_ray::{ObjectRay, SLAB_PAD};
 use hdtrapeze_core::trace::packet::{Form, LANES, PACKET, Packet, Rays, Slabs, VECTORS, split};
 use hdtrapeze_simd::{Kernel, Level, Simd};
@@ -158,6 +158,8 @@ enum Way {
     InPacket(usize),
     /// As all rays of a packet.
     Together,
+    /// As each of these of a packet, which are few.
+    Few(u64),
     /// As a beam of nothing else.
     InBeam,
 }
@@ -188,10 +190,11 @@ impl Way {
                 };
                 enter(simd, bounds, 1, &slabs, t, t).0 == 1
             }
-            Way::InPacket(_) | Way::Together | Way::InBeam => {
+            Way::InPacket(_) | Way::Together | Way::Few(_) | Way::InBeam => {
                 let mut rays = [Rays::NONE; VECTORS];
                 let lanes = match self {
                     Way::InPacket(ray) => 1u64 << ray,
+                    Way::Few(lanes) => lanes,
                     _ => u64::MAX,
                 };
                 for ray in 0..PACKET {
@@ -217,9 +220,21 @@ impl Way {
                     // Where there is no beam, rays are tested one by one.
                     return turns
                         || Beam::within(simd, &packet, bounds, &t_min)
-                            .is_none_or(|beam| beam.touched(simd, bounds, 1) == 1);
+                            .map(|beam| beam.touched(simd, bounds, 1))
+                            .is_none_or(|touched| touched.children == 1 && touched.near[0] <= t);
                 }
                 let mut turned = Slabs::SPOILED;
+                let ranges = [[[t, -t]; LANES]; VECTORS];
+                if matches!(self, Way::Few(_)) {
+                    let mut records = [[f32::NAN; 8]; PACKET];
+                    packet.records(&mut records);
+                    let room = (&records, &mut turned);
+                    let entered = match &case.turn {
+                        Some(turn) => enter_few(simd, bounds, 1, turn, lanes, room, &ranges),
+                        None => enter_few(simd, bounds, 1, &case.frame, lanes, room, &ranges),
+                    };
+                    return entered.children == 1 && entered.rays[0] == lanes;
+                }
                 // As traversal asks: what is not asked for is NaN.
                 let form = match by_child_pays(lanes, 1) {
                     true => Form::Apart,
@@ -237,7 +252,7 @@ impl Way {
                     None => &*packet.slabs,
                 };
                 let spans = Spans {
-                    pairs: &[[[t, -t]; LANES]; VECTORS],
+                    pairs: &ranges,
                     t_min: &t_min,
                     t_max: &t_max,
                 };
@@ -328,9 +343,10 @@ fn hunt(
 }
 
 fn ray_by_ray(genes: &mut Genes<'_>) -> Way {
-    match genes.below(4) {
+    match genes.below(5) {
         0 | 1 => Way::Alone,
         2 => Way::InPacket(genes.below(PACKET as u64)),
+        3 => Way::Few(u64::MAX / (genes.below(1 << 16) as u64 + 1)),
         _ => Way::Together,
     }
 }

@@ -248,6 +248,10 @@ impl Simd for Avx2 {
         [zip8(even.0, odd.0), zip8(even.1, odd.1)]
     }
     #[inline(always)]
+    fn in_pairs(self, even: F256, odd: F256) -> Pair {
+        zip8(even, odd)
+    }
+    #[inline(always)]
     fn no_bits(self) -> [__m256i; 2] {
         x86!([_mm256_setzero_si256(); 2])
     }
@@ -359,57 +363,5 @@ impl Simd for Avx2 {
         let (a, d) = (F256(near), F256(next));
         let (b, c) = (right(near, ends0), right(next, ends1));
         [Pair(a, a), Pair(b, c), Pair(c, d)]
-    }
-    #[inline(always)]
-    fn two_cells(self, Pair(F256(near), F256(far)): Pair, down: bool) -> [Pair; 3] {
-        let corners = if down {
-            // The third row is in `far`.
-            let below = |from, at: __m256i| x86!(_mm256_permutevar8x32_ps(from, at));
-            x86!({
-                let a = below(near, _mm256_setr_epi32(0, 0, 4, 4, 0, 0, 4, 4));
-                let b = below(near, _mm256_setr_epi32(1, 5, 5, 0, 1, 5, 5, 0));
-                let c = below(near, _mm256_setr_epi32(5, 4, 0, 0, 5, 4, 0, 0));
-                let far = below(far, _mm256_setr_epi32(0, 0, 1, 0, 0, 0, 1, 0));
-                let b_far = _mm256_permute_ps::<0b10_00_00_00>(far);
-                let c_far = _mm256_permute_ps::<0b00_10_00_00>(far);
-                let b = _mm256_blend_ps::<0b1000_1000>(b, b_far);
-                [a, b, _mm256_blend_ps::<0b1100_1100>(c, c_far)]
-            })
-        } else {
-            let lanes = |at: __m256i| x86!(_mm256_permutevar8x32_ps(near, at));
-            x86!([
-                lanes(_mm256_setr_epi32(0, 0, 1, 1, 0, 0, 1, 1)),
-                lanes(_mm256_setr_epi32(1, 5, 2, 6, 1, 5, 2, 6)),
-                lanes(_mm256_setr_epi32(5, 4, 6, 5, 5, 4, 6, 5)),
-            ])
-        };
-        corners.map(|corner| Pair(F256(corner), F256(corner)))
-    }
-    #[inline(always)]
-    fn fours(self, [a, b, c, d]: [&[f32; 4]; 4]) -> Pair {
-        let joined = |a: &[f32; 4], b: &[f32; 4]| {
-            x86!(F256(_mm256_insertf128_ps::<1>(
-                _mm256_castps128_ps256(_mm_loadu_ps(a.as_ptr())),
-                _mm_loadu_ps(b.as_ptr())
-            )))
-        };
-        Pair(joined(a, b), joined(c, d))
-    }
-    #[inline(always)]
-    fn copies_in_fours(self, Pair(F256(x), F256(y)): Pair) -> [Pair; 4] {
-        macro_rules! copies {
-            ($lanes:literal) => {
-                x86!(Pair(
-                    F256(_mm256_permute_ps::<$lanes>(x)),
-                    F256(_mm256_permute_ps::<$lanes>(y))
-                ))
-            };
-        }
-        [
-            copies!(0b00_00_00_00),
-            copies!(0b01_01_01_01),
-            copies!(0b10_10_10_10),
-            copies!(0b11_11_11_11),
-        ]
     }
 }

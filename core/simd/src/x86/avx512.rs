@@ -131,20 +131,6 @@ static ROWS: [[i32; 16]; 3] = [
     [6, 7, 8, 9, 11, 12, 13, 14, 5, 6, 7, 8, 10, 11, 12, 13],
 ];
 
-/// Lanes of a lattice in rows of 5 at the corners of the triangles of two cells; see [`Simd::two_cells`].
-const TWO_CELLS: [[[i32; 16]; 3]; 2] = [
-    [
-        [0, 0, 1, 1, 0, 0, 1, 1, 0, 0, 1, 1, 0, 0, 1, 1],
-        [1, 6, 2, 7, 1, 6, 2, 7, 1, 6, 2, 7, 1, 6, 2, 7],
-        [6, 5, 7, 6, 6, 5, 7, 6, 6, 5, 7, 6, 6, 5, 7, 6],
-    ],
-    [
-        [0, 0, 5, 5, 0, 0, 5, 5, 0, 0, 5, 5, 0, 0, 5, 5],
-        [1, 6, 6, 11, 1, 6, 6, 11, 1, 6, 6, 11, 1, 6, 6, 11],
-        [6, 5, 11, 10, 6, 5, 11, 10, 6, 5, 11, 10, 6, 5, 11, 10],
-    ],
-];
-
 /// Lanes of two vectors in turns; those of the second are 16 and more.
 const ZIPPED: [[i32; 16]; 2] = [
     [0, 16, 1, 17, 2, 18, 3, 19, 4, 20, 5, 21, 6, 22, 7, 23],
@@ -244,6 +230,14 @@ impl Simd for Avx512 {
     #[inline(always)]
     fn zip(self, even: F512, odd: F512) -> [F512; 2] {
         [chosen(&ZIPPED[0], even, odd), chosen(&ZIPPED[1], even, odd)]
+    }
+    #[inline(always)]
+    fn in_pairs(self, even: F256, odd: F256) -> F512 {
+        let [even, odd] = x86!([
+            F512(_mm512_castps256_ps512(even.0)),
+            F512(_mm512_castps256_ps512(odd.0))
+        ]);
+        chosen(&ZIPPED[0], even, odd)
     }
     #[inline(always)]
     fn no_bits(self) -> __m512i {
@@ -352,32 +346,5 @@ impl Simd for Avx512 {
             permuted(&ROWS[1], lattice),
             permuted(&ROWS[2], lattice),
         ]
-    }
-    #[inline(always)]
-    fn two_cells(self, lattice: F512, down: bool) -> [F512; 3] {
-        let [a, b, c] = &TWO_CELLS[usize::from(down)];
-        [
-            permuted(a, lattice),
-            permuted(b, lattice),
-            permuted(c, lattice),
-        ]
-    }
-    #[inline(always)]
-    fn fours(self, [a, b, c, d]: [&[f32; 4]; 4]) -> F512 {
-        x86!({
-            let x = _mm512_castps128_ps512(_mm_loadu_ps(a.as_ptr()));
-            let x = _mm512_insertf32x4::<1>(x, _mm_loadu_ps(b.as_ptr()));
-            let x = _mm512_insertf32x4::<2>(x, _mm_loadu_ps(c.as_ptr()));
-            F512(_mm512_insertf32x4::<3>(x, _mm_loadu_ps(d.as_ptr())))
-        })
-    }
-    #[inline(always)]
-    fn copies_in_fours(self, F512(x): F512) -> [F512; 4] {
-        x86!([
-            F512(_mm512_permute_ps::<0b00_00_00_00>(x)),
-            F512(_mm512_permute_ps::<0b01_01_01_01>(x)),
-            F512(_mm512_permute_ps::<0b10_10_10_10>(x)),
-            F512(_mm512_permute_ps::<0b11_11_11_11>(x)),
-        ])
     }
 }
