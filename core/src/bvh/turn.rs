@@ -69,6 +69,9 @@ const GRAIN: f32 = 1.0 / (1 << 14) as f32;
 /// What axes are shortened to before they are rounded, which lengthens them by less.
 const SHORTENED: f32 = 1.0 - 1.0 / (1 << 13) as f32;
 
+/// Adding it to a number of less than 2^15 rounds that to a whole one, which the lowest 16 bits of the sum are.
+const WHOLE: f32 = (3 << 22) as f32;
+
 /// A frame whose third axis goes from one to another.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
@@ -205,8 +208,7 @@ impl Turn {
 /// An axis, as it is stored.
 #[inline(always)]
 fn round(axis: Vec3) -> Vec3 {
-    let grains = axis * (SHORTENED / GRAIN);
-    Vec3::from_array(grains.to_array().map(f32::round_ties_even)) * GRAIN
+    (axis * (SHORTENED / GRAIN) + WHOLE - WHOLE) * GRAIN
 }
 
 #[inline(always)]
@@ -231,9 +233,15 @@ impl StoredTurn {
     fn of(turn: &Turn) -> StoredTurn {
         let [x, y] = turn.axes;
         let [z0, z1] = turn.normals;
-        let grains = |axis: Vec3| (axis * (1.0 / GRAIN)).to_array().map(|x| x as i16);
+        let mut axes = [[0; 3]; 4];
+        for (to, from) in axes.iter_mut().zip([x, y, z0, z1]) {
+            let grains = (from * (1.0 / GRAIN) + WHOLE).to_array();
+            for (to, from) in to.iter_mut().zip(grains) {
+                *to = from.to_bits() as i16;
+            }
+        }
         StoredTurn {
-            axes: [x, y, z0, z1].map(grains),
+            axes,
             bow: turn.bow.to_array(),
         }
     }
