@@ -27,9 +27,7 @@ fn tree_bytes(stats: &BvhStats, node: usize, block: usize, frames: usize) -> u64
 fn frames(object: &ObjectGeometry) -> usize {
     match object.blas() {
         Blas::Static(t) => size_of::<Frame>() * (t.tree.frames.len() + t.frames.len()),
-        Blas::Moving(t) => {
-            size_of::<Frame>() * t.tree.frames.len() + size_of::<StoredTurn>() * t.frames.len()
-        }
+        Blas::Moving(t) => size_of::<StoredTurn>() * (t.tree.frames.len() + t.frames.len()),
         Blas::Relative(_) => 0,
     }
 }

@@ -153,7 +153,7 @@ fn check_tree<B: Bounds8>(
             .collect();
     } else {
         let node = &tree.tree.nodes[reference as usize];
-        frame = Turn::fixed(&tree.tree.frames[node.frame as usize]);
+        frame = tree.tree.frames[node.frame as usize].turn();
         children = (0..8)
             .filter(|s| node.valid >> s & 1 == 1)
             .map(|s| {
@@ -449,12 +449,18 @@ fn whole_subtrees_of_combed_fur_share_frames() {
         assert_eq!((stats.blocks, stats.loose_groups), (0, 600 * 8));
         assert!(stats.oriented_nodes * 2 > stats.nodes, "{stats:?}");
         let object = ObjectGeometry::plain(combed(600, 0.003, &keys(k), 1));
-        let frames = match object.blas() {
-            Blas::Static(t) => t.tree.frames.len(),
-            Blas::Moving(t) => t.tree.frames.len(),
-            Blas::Relative(_) => 0,
+        let (frames, turn) = match object.blas() {
+            Blas::Static(t) => (t.tree.frames.len(), 0),
+            Blas::Moving(t) => {
+                let turn = t.tree.frames.iter().filter(|frame| frame.turn().turns());
+                (t.tree.frames.len(), turn.count())
+            }
+            Blas::Relative(_) => (0, 0),
         };
         assert!(frames as u64 * 3 < stats.nodes, "{frames} {stats:?}");
+        // They swing.
+        let least = if k == 1 { 0 } else { frames / 2 };
+        assert!(turn >= least, "{turn} of {frames}");
     }
     // What stands upright is well bounded by a block.
     let upright = mesh(&[(1, 16); 100], &keys(1), |g, u, v, _| {

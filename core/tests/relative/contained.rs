@@ -95,7 +95,7 @@ fn check_tree<B: Bounds8>(
             .collect();
     } else {
         let node = &tree.tree.nodes[reference as usize];
-        frame = Turn::fixed(&tree.tree.frames[node.frame as usize]);
+        frame = tree.tree.frames[node.frame as usize].turn();
         children = (0..8)
             .filter(|s| node.valid >> s & 1 == 1)
             .map(|s| {
