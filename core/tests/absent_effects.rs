@@ -8,7 +8,7 @@ use std::sync::Arc;
 use glam::{DVec3, Vec2, Vec3};
 use hdtrapeze_core::bvh::block::Block;
 use hdtrapeze_core::bvh::object::Blas;
-use hdtrapeze_core::bvh::turn::Turn;
+use hdtrapeze_core::bvh::turn::StoredTurn;
 use hdtrapeze_core::bvh::{BvhStats, Frame, LinearSlabs, Node, ObjectGeometry, StaticSlabs};
 use hdtrapeze_core::camera::Camera;
 use hdtrapeze_core::grid::Grid;
@@ -27,9 +27,7 @@ fn tree_bytes(stats: &BvhStats, node: usize, block: usize, frames: usize) -> u64
 fn frames(object: &ObjectGeometry) -> usize {
     match object.blas() {
         Blas::Static(t) => size_of::<Frame>() * (t.tree.frames.len() + t.frames.len()),
-        Blas::Moving(t) => {
-            size_of::<Frame>() * t.tree.frames.len() + size_of::<Turn>() * t.frames.len()
-        }
+        Blas::Moving(t) => size_of::<StoredTurn>() * (t.tree.frames.len() + t.frames.len()),
         Blas::Relative(_) => 0,
     }
 }

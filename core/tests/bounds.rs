@@ -49,14 +49,14 @@ impl Vertex {
 
     /// The same in a frame that may turn.
     fn in_frame(&self, frame: &Turn, axis: usize) -> Exact {
-        if axis < 2 {
-            return self.along(frame.axes[axis]);
-        }
-        let [a, b] = frame.normals.map(|normal| self.along(normal));
         let time = Exact::from(self.time);
         let rest = Exact::from(1.0f32) - time.clone();
         let span = Exact::from(self.keys[1]) - Exact::from(self.keys[0]);
-        let bow = time.clone() * rest.clone() * Exact::from(frame.bow) * span;
+        let bow = time.clone() * rest.clone() * Exact::from(frame.bow[axis]) * span;
+        if axis < 2 {
+            return self.along(frame.axes[axis]) + bow;
+        }
+        let [a, b] = frame.normals.map(|normal| self.along(normal));
         a * rest + b * time + bow
     }
 
@@ -67,7 +67,7 @@ impl Vertex {
         let [from, to] = frame.normals.map(|normal| normal.as_dvec3());
         let of_axis = [own[0], own[1], from + (to - from) * time][axis];
         let [a, b] = self.at.map(|p| p.as_dvec3().dot(of_axis));
-        let bow = if axis == 2 { f64::from(frame.bow) } else { 0.0 };
+        let bow = f64::from(frame.bow[axis]);
         let along = a + (b - a) * ((time - t0) / (t1 - t0)) + bow * (time * (1.0 - time));
         let bound = start + (end - start) * time;
         let size = self.at[0].abs() + self.at[1].abs();
@@ -153,7 +153,7 @@ fn check_tree<B: Bounds8>(
             .collect();
     } else {
         let node = &tree.tree.nodes[reference as usize];
-        frame = Turn::fixed(&tree.tree.frames[node.frame as usize]);
+        frame = tree.tree.frames[node.frame as usize].turn();
         children = (0..8)
             .filter(|s| node.valid >> s & 1 == 1)
             .map(|s| {
@@ -271,6 +271,18 @@ proptest! {
     }
 
     #[test]
+    fn frames_that_turn_contain(
+        keys in keys_strategy(), seed: u64, noise in 0i32..12, size in -100i32..40, times in times_strategy()
+    ) {
+        let noise = if noise == 0 { 0.0 } else { (-noise as f32).exp2() };
+        let mut m = flown(3, &keys, noise, seed);
+        for p in &mut m.positions {
+            *p *= (size as f32).exp2();
+        }
+        check_object(m, &times).map_err(TestCaseError::fail)?;
+    }
+
+    #[test]
     fn instance_bounds_contain_the_quadratic_path(
         keys in keys_strategy(), seed: u64, moving: bool, time in 0.0f64..=1.0
     ) {
@@ -339,38 +351,94 @@ fn degenerate_grids_are_contained_and_never_hit() {
     }
 }
 
-#[test]
-fn frames_follow_normals_that_turn() {
-    let make = || sheet(4, 16, &keys(2));
-    check_object(make(), &[0.0, 0.3, 0.5, 0.8, 1.0]).expect("contained");
-    let object = Arc::new(ObjectGeometry::plain(make()));
-    let Blas::Moving(tree) = object.blas() else {
-        panic!("the sheet moves");
-    };
-    let turning = |turn: &&Turn| turn.normals[0] != turn.normals[1];
-    let turning = tree.frames.iter().filter(turning).count();
-    assert!(2 * turning > tree.blocks.len(), "{turning}");
-    // Fewer micropolygons are tested than along the axes of space, and the same are hit.
-    let mut rng = Rng(11);
-    let rays: Vec<_> = (0..512)
+/// Blocks that fly along arcs and turn meanwhile, with noise at every key.
+fn flown(count: usize, keys: &[f32], noise: f32, seed: u64) -> DicedMesh {
+    let mut rng = Rng(seed);
+    let who: Vec<_> = (0..count)
         .map(|_| {
-            let target = Vec3::new(0.9 * rng.signed(), 0.9 * rng.signed(), 0.0);
-            let dir = rng.direction();
-            ray(target - dir * 3.0, dir, rng.unit())
+            (
+                rng.cube(),
+                rng.direction(),
+                rng.direction(),
+                rng.cube(),
+                rng.cube(),
+            )
         })
         .collect();
-    let trace = |object: &Arc<ObjectGeometry>| {
-        let place = InstanceTransform::Translation(DVec3::ZERO);
-        let world = World::build(vec![instance(object, place)], DVec3::ZERO);
-        let mut counts = TraceCounts::default();
-        let hits: Vec<_> = rays.iter().map(|r| world.trace(r, &mut counts)).collect();
-        (hits, counts.cell_tests)
+    mesh(&vec![(16, 16); count], keys, move |g, u, v, t| {
+        let (centre, axis, spin, way, fall) = who[g];
+        let q = glam::Quat::from_axis_angle(spin, 1.5 * t)
+            * glam::Quat::from_rotation_arc(Vec3::Z, axis);
+        let (x, y) = (u - 0.5, v - 0.5);
+        let p = Vec3::new(x, y, 0.2 * (x * x - y * y));
+        let bits = u64::from(u.to_bits()) << 32 ^ u64::from(v.to_bits()).rotate_left(11);
+        let off = Rng(seed ^ bits ^ u64::from(t.to_bits()).rotate_left(43)).cube() * noise;
+        centre + q * (p * 0.3 + off) + way * t + fall * (t * t)
+    })
+}
+
+/// Frames of an object's blocks that turn, and those of them that have a bow along a fixed axis.
+fn turning(object: &ObjectGeometry) -> [usize; 2] {
+    let Blas::Moving(tree) = object.blas() else {
+        return [0; 2];
     };
-    let (hits, tests) = trace(&object);
-    let (same, upright_tests) = trace(&Arc::new(ObjectGeometry::upright(make())));
-    assert_eq!(hits, same);
-    assert!(hits.iter().filter(|h| h.is_hit()).count() > 400);
-    assert!(5 * tests < 4 * upright_tests, "{tests} {upright_tests}");
+    let turns = tree
+        .frames
+        .iter()
+        .map(Turning::turn)
+        .filter(|turn| turn.turns());
+    let bowed = |turn: &Turn| turn.bow.truncate() != glam::Vec2::ZERO;
+    [turns.clone().count(), turns.filter(bowed).count()]
+}
+
+#[test]
+fn frames_follow_blocks_along_arcs() {
+    let times: Vec<f32> = (0..=16).map(|i| i as f32 / 16.0).collect();
+    for count in 3..=9 {
+        let object = ObjectGeometry::plain(flown(8, &keys(count), 0.0, 3));
+        let [turns, bows] = turning(&object);
+        assert!(turns > 24 && bows > 24, "{count}: {turns}, {bows}");
+        for noise in [0.0, 0.002] {
+            check_object(flown(8, &keys(count), noise, 3), &times).expect("contained");
+        }
+    }
+}
+
+#[test]
+fn frames_follow_normals_that_turn() {
+    for count in [2, 5, 9] {
+        let make = || sheet(4, 16, &keys(count));
+        check_object(make(), &[0.0, 0.3, 0.5, 0.8, 1.0]).expect("contained");
+        let object = Arc::new(ObjectGeometry::plain(make()));
+        let [turns, _] = turning(&object);
+        let Blas::Moving(tree) = object.blas() else {
+            panic!("the sheet moves");
+        };
+        assert!(2 * turns > tree.blocks.len(), "{turns}");
+        // Fewer micropolygons are tested than along the axes of space, and the same are hit.
+        let mut rng = Rng(11);
+        let rays: Vec<_> = (0..512)
+            .map(|_| {
+                let target = Vec3::new(0.9 * rng.signed(), 0.9 * rng.signed(), 0.0);
+                let dir = rng.direction();
+                ray(target - dir * 3.0, dir, rng.unit())
+            })
+            .collect();
+        let trace = |object: &Arc<ObjectGeometry>| {
+            let place = InstanceTransform::Translation(DVec3::ZERO);
+            let world = World::build(vec![instance(object, place)], DVec3::ZERO);
+            let mut counts = TraceCounts::default();
+            let hits: Vec<_> = rays.iter().map(|r| world.trace(r, &mut counts)).collect();
+            (hits, counts.cell_tests)
+        };
+        let (hits, tests) = trace(&object);
+        let (same, upright_tests) = trace(&Arc::new(ObjectGeometry::upright(make())));
+        assert_eq!(hits, same);
+        assert!(hits.iter().filter(|h| h.is_hit()).count() > 400);
+        let share = if count == 2 { 0.8 } else { 0.9 };
+        let share = share * upright_tests as f64;
+        assert!((tests as f64) < share, "{count}: {tests} {upright_tests}");
+    }
 }
 
 #[test]
@@ -381,12 +449,18 @@ fn whole_subtrees_of_combed_fur_share_frames() {
         assert_eq!((stats.blocks, stats.loose_groups), (0, 600 * 8));
         assert!(stats.oriented_nodes * 2 > stats.nodes, "{stats:?}");
         let object = ObjectGeometry::plain(combed(600, 0.003, &keys(k), 1));
-        let frames = match object.blas() {
-            Blas::Static(t) => t.tree.frames.len(),
-            Blas::Moving(t) => t.tree.frames.len(),
-            Blas::Relative(_) => 0,
+        let (frames, turn) = match object.blas() {
+            Blas::Static(t) => (t.tree.frames.len(), 0),
+            Blas::Moving(t) => {
+                let turn = t.tree.frames.iter().filter(|frame| frame.turn().turns());
+                (t.tree.frames.len(), turn.count())
+            }
+            Blas::Relative(_) => (0, 0),
         };
         assert!(frames as u64 * 3 < stats.nodes, "{frames} {stats:?}");
+        // They swing.
+        let least = if k == 1 { 0 } else { frames / 2 };
+        assert!(turn >= least, "{turn} of {frames}");
     }
     // What stands upright is well bounded by a block.
     let upright = mesh(&[(1, 16); 100], &keys(1), |g, u, v, _| {

@@ -4,8 +4,8 @@ use hdtrapeze_core::bvh::turn::{Turn, Turning};
 
 /// Words of a frame.
 pub(crate) const FRAME_WORDS: u32 = 9;
-/// Words of one that turns: its third axis at the end of the shutter, and its bow, follow.
-pub(crate) const TURN_WORDS: u32 = 13;
+/// Words of one that turns: its third axis at the end of the shutter, and its bow along each axis, follow.
+pub(crate) const TURN_WORDS: u32 = 15;
 /// Set in the place of a frame that turns.
 const TURNS: u32 = 1 << 31;
 
@@ -17,14 +17,16 @@ pub(crate) struct FrameWords {
 
 impl FrameWords {
     pub fn of<T: Turning>(frame: &T) -> Self {
-        let Turn { axes, normals, bow } = frame.turn();
-        let mut words = [bow.to_bits(); TURN_WORDS as usize];
-        for (to, axis) in words.chunks_exact_mut(3).zip(axes.iter().chain(&normals)) {
-            to.copy_from_slice(&axis.to_array().map(f32::to_bits));
+        let turn = frame.turn();
+        let Turn { axes, normals, bow } = &turn;
+        let mut words = [0; TURN_WORDS as usize];
+        let vectors = axes.iter().chain(normals).chain([bow]);
+        for (to, vector) in words.chunks_exact_mut(3).zip(vectors) {
+            to.copy_from_slice(&vector.to_array().map(f32::to_bits));
         }
         Self {
             words,
-            turns: normals[0] != normals[1],
+            turns: turn.turns(),
         }
     }
 

@@ -306,8 +306,7 @@ fn whole(object: &ObjectGeometry, paint: Paint) -> Size {
         Blas::Relative(_) => (moving, 2),
     };
     let (mesh, stats) = (object.mesh(), object.stats());
-    let frames =
-        stats.oriented_nodes * u64::from(FRAME_WORDS) + stats.oriented_blocks * u64::from(frame);
+    let frames = (stats.oriented_nodes + stats.oriented_blocks) * u64::from(frame);
     Size {
         nodes: spare * (stats.nodes * bytes(node) + stats.blocks * bytes(block)),
         planes: size_of_val(mesh.planes()) as u64,

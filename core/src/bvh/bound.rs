@@ -12,7 +12,7 @@ use hdtrapeze_simd::{Float, Kernel, Level, Mask, Simd};
 use super::block::{Block, CellRect, GROUPS, Span, halves, halving_pays, loose, loose_count};
 use super::group8::{Groups, Vertices, boxes, boxes_in};
 use super::lanes::{Boxes8, Ranges8};
-use super::turn::{Pose, Turning};
+use super::turn::{Between, Pose, Turning};
 use super::{Bounds8, COORDINATE_LIMIT, Frame, LinearBox};
 use crate::grid::planar::GridPlanes;
 use crate::grid::{Grid, PlanarMesh};
@@ -289,29 +289,61 @@ fn part<S: Simd>(simd: S, boxes: &Boxes8<S::F8>, lanes: <S::F8 as Float<8>>::Mas
     Boxes8 { start, end }.hull()
 }
 
-/// The frame along a block's edges, given as they are at its middle key; with two keys, one that follows the normal.
+/// The frame along a block's edges, which are given as they are at its middle key; one that follows them where such turn.
 #[inline(always)]
 fn turning_of<T: Turning>(planes: &GridPlanes<'_>, span: &Span, (u, v): (Vec3, Vec3)) -> Option<T> {
-    if !T::TURNS || planes.key_times.len() != 2 {
+    let keys = planes.key_times.len();
+    if !T::TURNS || keys < 2 {
         return frame_of(u, v, span).map(T::fixed);
     }
-    let corners = [corners(planes, span, 0), corners(planes, span, 1)];
+    let corners = [corners(planes, span, 0), corners(planes, span, keys - 1)];
     let [[u0, v0], [u1, v1]] = [edges(corners[0]), edges(corners[1])];
     let along_u = runs_along_u((u0 + u1, v0 + v1), span);
     let [start, end] = [
         pose(corners[0], [u0, v0], along_u)?,
         pose(corners[1], [u1, v1], along_u)?,
     ];
-    Some(T::between(&start, &end))
+    if keys == 2 {
+        return Some(T::between(&start, &end));
+    }
+    through(planes, span, (&start, &end), (u, v))
+}
+
+/// The same between the poses at both ends of the shutter, with more than two keys.
+#[inline(never)]
+fn through<T: Turning>(
+    planes: &GridPlanes<'_>,
+    span: &Span,
+    (start, end): (&Pose, &Pose),
+    (u, v): (Vec3, Vec3),
+) -> Option<T> {
+    let rest = frame_of(u, v, span)?;
+    let times = planes.key_times;
+    let inner = times.iter().enumerate().take(times.len() - 1).skip(1);
+    let inner = inner.map(|(k, &time)| {
+        let corners = corners(planes, span, k);
+        Between {
+            time,
+            edges: edges(corners),
+            middle: middle(corners),
+        }
+    });
+    let inner: Vec<Between> = inner.collect();
+    Some(T::through(start, &inner, end, &rest))
 }
 
 #[inline(always)]
-fn pose([a, b, c, d]: [Vec3; 4], [u, v]: [Vec3; 2], along_u: bool) -> Option<Pose> {
+fn pose(corners: [Vec3; 4], [u, v]: [Vec3; 2], along_u: bool) -> Option<Pose> {
     Some(Pose {
         frame: frame_along(u, v, along_u)?,
         edges: [u, v],
-        middle: ((a + b) + (c + d)) * 0.25,
+        middle: middle(corners),
     })
+}
+
+#[inline(always)]
+fn middle([a, b, c, d]: [Vec3; 4]) -> Vec3 {
+    ((a + b) + (c + d)) * 0.25
 }
 
 /// The frame along a block's edges. Of both that lie in its plane, the one that groups fill more: along the longer of

@@ -16,17 +16,17 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use glam::Vec3;
 use hdtrapeze_simd::{Level, Scalar};
 use rayon::prelude::*;
 
 use super::block::GROUPS;
 use super::coarse::{COARSE_ITEMS, Known, coarse, numbered};
 use super::node::pack_hulls;
-use super::orient::{MOST_ITEMS, Strands};
+use super::orient::{MOST_ITEMS, Strands, Turned};
 use super::sorted::{Hull, Sorted};
 use super::split::{Extent, split};
-use super::{Bounds8, Frame, LinearBox, Node};
+use super::turn::Turning;
+use super::{Bounds8, LinearBox, Node};
 
 /// Ranges larger than this are split, and their children built, in parallel.
 pub const PARALLEL_ITEMS: usize = 4096;
@@ -35,16 +35,16 @@ pub static NEVER: AtomicBool = AtomicBool::new(false);
 
 /// A tree of 8-wide nodes over items that are known by number.
 #[derive(Clone, Debug)]
-pub struct Tree<B> {
+pub struct Tree<B: Bounds8> {
     /// Nodes, parents before children.
     pub nodes: Vec<Node<B>>,
     /// Frames that nodes refer to; number 0 is the identity.
-    pub frames: Vec<Frame>,
+    pub frames: Vec<B::Turning>,
     /// The root: a reference like those in [`Node::children`], or [`Tree::EMPTY`].
     pub root: u32,
 }
 
-impl<B> Tree<B> {
+impl<B: Bounds8> Tree<B> {
     /// Set in a reference to an item; without it, a reference is the number of a node.
     pub const LEAF: u32 = 1 << 31;
     /// The root of a tree with no items.
@@ -63,17 +63,11 @@ pub struct Item {
     pub bounds: LinearBox,
     /// Below 2^31.
     pub id: u32,
-    /// From end to end of a part of a strand, in mid-shutter; zero for all else.
-    pub along: Vec3,
 }
 
 /// Builds the tree over boxes `(id, box)`; ids are below 2^31 and every box is finite.
 pub fn build<B: Bounds8>(boxes: impl IntoIterator<Item = (u32, LinearBox)>) -> Tree<B> {
-    let items = boxes.into_iter().map(|(id, bounds)| Item {
-        bounds,
-        id,
-        along: Vec3::ZERO,
-    });
+    let items = boxes.into_iter().map(|(id, bounds)| Item { bounds, id });
     build_items(items.collect(), Nodes::Cheap, &NEVER)
 }
 
@@ -104,7 +98,7 @@ pub fn build_sorted<B: Bounds8>(
 ) -> Tree<B> {
     let mut tree = Tree {
         nodes: Vec::new(),
-        frames: vec![Frame::IDENTITY],
+        frames: vec![B::Turning::IDENTITY],
         root: Tree::<B>::EMPTY,
     };
     let below = Below {
@@ -154,7 +148,7 @@ struct Below<'a> {
 }
 
 /// A range of items that becomes a child.
-struct Range<'a, H> {
+struct Range<'a, H: Hull> {
     items: &'a mut [Sorted<H>],
     extent: Extent<H>,
     area: f32,
@@ -199,10 +193,10 @@ fn build_node<B: Bounds8>(
         && items.len() <= below.try_below.max(GROUPS)
     {
         below.try_below = items.len() / 4;
-        if let Some((frame, mut turned)) = strands.turn(items) {
+        if let Some(Turned { frame, mut items }) = strands.turn::<B>(items) {
             below.frame = tree.frames.len() as u32;
             tree.frames.push(frame);
-            return build_node(tree, &mut turned, (None, None), below);
+            return build_node(tree, &mut items, (None, None), below);
         }
     }
     let parallel = items.len() > PARALLEL_ITEMS;
@@ -268,7 +262,7 @@ fn build_node<B: Bounds8>(
             .map(|range| {
                 let mut subtree = Tree {
                     nodes: Vec::new(),
-                    frames: vec![Frame::IDENTITY],
+                    frames: vec![B::Turning::IDENTITY],
                     root: Tree::<B>::EMPTY,
                 };
                 subtree.root = build_child(&mut subtree, range, below);
@@ -288,7 +282,7 @@ fn build_node<B: Bounds8>(
     index
 }
 
-impl<B> Tree<B> {
+impl<B: Bounds8> Tree<B> {
     /// Takes over the nodes and frames of another tree; returns its root.
     fn append(&mut self, other: Tree<B>) -> u32 {
         let (base, frame_base) = (self.nodes.len() as u32, self.frames.len() as u32 - 1);
@@ -315,6 +309,8 @@ fn build_child<B: Bounds8>(tree: &mut Tree<B>, range: Range<'_, B::Hull>, below:
 
 #[cfg(test)]
 mod tests {
+    use glam::Vec3;
+
     use super::*;
     use crate::bvh::StaticSlabs;
     use crate::bvh::split::SAH_DEPTH;
@@ -376,7 +372,6 @@ mod tests {
             let item = |id| Item {
                 bounds: point(at(id)),
                 id,
-                along: Vec3::ZERO,
             };
             let tree: Tree<StaticSlabs> =
                 build_items((0..n).map(item).collect(), Nodes::Full, &NEVER);

@@ -33,7 +33,7 @@ pub struct Known<H> {
 }
 
 /// Items in the order of their splits.
-pub struct Coarse<H> {
+pub struct Coarse<H: Hull> {
     /// All of them.
     pub items: Vec<Sorted<H>>,
     /// What they extend over.
@@ -72,7 +72,7 @@ impl<H: Hull> Piece<H> for Cell<H> {
 
 /// Items in chunks of up to [`PARALLEL_ITEMS`]. An item is known by the number of its chunk and, in the last
 /// [`CHUNK_BITS`], its place there.
-struct Chunks<'a, H>(Vec<&'a [Sorted<H>]>);
+struct Chunks<'a, H: Hull>(Vec<&'a [Sorted<H>]>);
 
 const CHUNK_BITS: u32 = PARALLEL_ITEMS.ilog2();
 const _: () = assert!(PARALLEL_ITEMS.is_power_of_two());
@@ -89,7 +89,7 @@ impl<'a, H: Hull> Chunks<'a, H> {
 }
 
 /// True where there are numbers for all items of these parts.
-pub fn numbered<H>(parts: &[Vec<Sorted<H>>]) -> bool {
+pub fn numbered<H: Hull>(parts: &[Vec<Sorted<H>>]) -> bool {
     let chunks = parts.iter().map(|part| part.len().div_ceil(PARALLEL_ITEMS));
     chunks.sum::<usize>() <= (u32::MAX >> CHUNK_BITS) as usize
 }
@@ -168,7 +168,7 @@ fn cells_of<H: Hull>(
     (numbers, along.iter().product())
 }
 
-struct Number<'a, H> {
+struct Number<'a, H: Hull> {
     items: &'a [Sorted<H>],
     places: &'a Places,
     along: [usize; 3],
@@ -191,7 +191,7 @@ impl<H: Hull> Kernel for Number<'_, H> {
 }
 
 /// What some of the items extend over.
-struct Gathered<'a, H> {
+struct Gathered<'a, H: Hull> {
     chunks: &'a Chunks<'a, H>,
     order: &'a [u32],
 }
@@ -258,11 +258,7 @@ mod tests {
                 lo1,
                 hi1: lo1 + at(41) * 0.01,
             };
-            Sorted::of(&Item {
-                bounds,
-                id,
-                along: Vec3::ZERO,
-            })
+            Sorted::of(&Item { bounds, id })
         };
         let items: Vec<Sorted<H>> = (0..count).map(item).collect();
         let (few, many) = items.split_at(7);

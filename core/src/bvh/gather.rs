@@ -8,14 +8,13 @@
 //! Runs of grids are gathered in parallel, each while its vertices are near: right after they were turned
 //! into planes.
 
-use glam::Vec3;
 use hdtrapeze_simd::Level;
 
 use super::block::{self, Block, Span};
 use super::bound::{Bounded, bound, bound_loose, is_bounded};
 use super::build::Item;
 use super::object::{LOOSE_GRIDS, loose_item};
-use super::orient::direction;
+use super::orient::Piece;
 use super::sorted::Sorted;
 use super::turn::Turning;
 use super::{Bounds8, LinearBox};
@@ -92,16 +91,19 @@ impl<B: Bounds8> Part<B> {
             let whole = boxes.iter().fold(LinearBox::EMPTY, |a, b| a.union(b));
             let area: f32 = boxes.iter().map(LinearBox::mean_half_area).sum();
             if small || area < LOOSE_SHARE * whole.mean_half_area() {
-                let items = boxes.iter().zip(0..).map(|(&bounds, slot)| Item {
-                    bounds,
-                    id: loose_item(g, slot),
-                    along: if small {
-                        Vec3::ZERO
-                    } else {
-                        direction(planes, block::loose(grid, slot))
-                    },
+                let items = boxes.iter().zip(0..).map(|(&bounds, slot)| {
+                    let item = Item {
+                        bounds,
+                        id: loose_item(g, slot),
+                    };
+                    if small {
+                        return Sorted::of(&item);
+                    }
+                    let rect = block::loose(grid, slot);
+                    let ends = [0, planes.key_times.len() - 1];
+                    Sorted::along(&item, ends.map(|k| Piece::of(planes, rect, k).edge))
                 });
-                self.items.extend(items.map(|item| Sorted::of(&item)));
+                self.items.extend(items);
                 self.strips += if small { 0 } else { boxes.len() };
                 self.bounds = self.bounds.union(&whole);
                 return Some(());
@@ -137,7 +139,6 @@ impl<B: Bounds8> Part<B> {
             self.items.push(Sorted::of(&Item {
                 bounds: built.aabb,
                 id: self.blocks.len() as u32,
-                along: Vec3::ZERO,
             }));
             self.reach = self.reach.max(block.bounds.reach());
             self.bounds = self.bounds.union(&built.aabb);

@@ -4,11 +4,11 @@
 //! the smaller of each pair, over the rows of a group, a lane stands for a column of its micropolygons.
 
 use glam::Vec3;
-use hdtrapeze_simd::{Float, Simd};
+use hdtrapeze_simd::{Float, Part, Simd};
 
 use super::block::{CellRect, GROUP, GROUPS, Span};
 use super::lanes::{Boxes8, Ranges8};
-use super::turn::{BOW_PAD, BOWED_PAD, Turning};
+use super::turn::{BOW_PAD, BOWED_PAD, INNER_PAD, Turn, Turning};
 use super::{Frame, ROTATION_PAD, ROTATION_TINY};
 use crate::grid::Grid;
 
@@ -128,7 +128,7 @@ pub fn boxes<S: Simd>(
     Boxes8::of(simd, &raised)
 }
 
-/// Bounds over the shutter in a frame that may turn: only where there are two keys.
+/// Bounds over the shutter in a frame that may turn.
 #[inline(always)]
 pub fn boxes_in<S: Simd, T: Turning>(
     simd: S,
@@ -138,23 +138,30 @@ pub fn boxes_in<S: Simd, T: Turning>(
 ) -> Boxes8<S::F8> {
     let at_start = frame.start();
     let turn = frame.turn();
-    let turns = turn.normals[0] != turn.normals[1];
-    debug_assert!(!turns || vertices.key_times.len() == 2);
-    if !turns {
+    if !T::TURNS || !turn.turns() {
         return boxes(simd, vertices, groups, Some(&at_start));
     }
     let [x, y] = turn.axes;
     let at_end = Frame {
         axes: [x, y, turn.normals[1]],
     };
+    // What has two keys has no bow along fixed axes.
+    if vertices.key_times.len() > 2 || (turn.bow.x, turn.bow.y) != (0.0, 0.0) {
+        return simd.apart(Through {
+            vertices,
+            groups,
+            turn: &turn,
+            ends: [&at_start, &at_end],
+        });
+    }
     let step = Frame {
         axes: [Vec3::ZERO, Vec3::ZERO, turn.step()],
     };
     let mut start = ranges(simd, vertices, groups, Of::Key(0), Some(&at_start));
     let mut end = ranges(simd, vertices, groups, Of::Key(1), Some(&at_end));
-    let bows = ranges(simd, vertices, groups, Of::Step, Some(&step));
+    let bows = ranges(simd, vertices, groups, Of::Step(0), Some(&step));
     let (zero, quarter) = (simd.all8(0.0), simd.all8(0.25));
-    let (bow, pad) = (simd.all8(turn.bow), simd.all8(BOWED_PAD));
+    let (bow, pad) = (simd.all8(turn.bow.z), simd.all8(BOWED_PAD));
     let below = (bows.hi[2] - bow).max(zero) * quarter;
     let above = (bow - bows.lo[2]).max(zero) * quarter;
     for bounds in [&mut start, &mut end] {
@@ -165,13 +172,89 @@ pub fn boxes_in<S: Simd, T: Turning>(
     Boxes8 { start, end }
 }
 
+/// The same in a frame that turns, with any number of keys and any bow.
+struct Through<'a> {
+    vertices: Vertices<'a>,
+    groups: &'a Groups,
+    turn: &'a Turn,
+    /// Axes at both ends.
+    ends: [&'a Frame; 2],
+}
+
+impl<S: Simd> Part<S> for Through<'_> {
+    type Output = Boxes8<S::F8>;
+    #[inline(always)]
+    fn run(self, simd: S) -> Boxes8<S::F8> {
+        let Self {
+            vertices,
+            groups,
+            turn,
+            ends: [at_start, at_end],
+        } = self;
+        let times = vertices.key_times;
+        let last = times.len() - 1;
+        let start = ranges(simd, vertices, groups, Of::Key(0), Some(at_start));
+        let end = ranges(simd, vertices, groups, Of::Key(last), Some(at_end));
+        let (zero, quarter) = (simd.all8(0.0), simd.all8(0.25));
+        let pad = simd.all8(BOWED_PAD);
+        let size = turn.bow.abs().to_array().map(|bow| simd.all8(bow));
+        let mut raised = Boxes8 { start, end }.to_boxes();
+        for (k, &time) in times.iter().enumerate().take(last).skip(1) {
+            let mut inner = ranges(simd, vertices, groups, Of::Inner(k), Some(&turn.at(time)));
+            let part = f64::from(time) * (1.0 - f64::from(time));
+            let bow = (turn.bow.as_dvec3() * part).as_vec3();
+            for axis in 0..3 {
+                let bow = simd.all8(bow[axis]);
+                let (lo, hi) = (inner.lo[axis], inner.hi[axis]);
+                inner.lo[axis] = (lo + bow) - (lo.abs() + size[axis]) * pad;
+                inner.hi[axis] = (hi + bow) + (hi.abs() + size[axis]) * pad;
+            }
+            let (lo, hi) = inner.to_vectors();
+            for (slot, b) in raised.iter_mut().enumerate() {
+                b.raise(time, lo[slot], hi[slot]);
+            }
+        }
+        let (mut below, mut above) = ([zero; 3], [zero; 3]);
+        for (k, ends) in times.windows(2).enumerate() {
+            let length = f64::from(ends[1]) - f64::from(ends[0]);
+            let [from, to] = turn.normals.map(|normal| normal.as_dvec3());
+            let step = Frame {
+                axes: [Vec3::ZERO, Vec3::ZERO, ((to - from) * length).as_vec3()],
+            };
+            let bows = ranges(simd, vertices, groups, Of::Step(k), Some(&step));
+            let bow = (turn.bow.as_dvec3() * (length * length)).as_vec3();
+            for axis in 0..3 {
+                let bow = simd.all8(bow[axis]);
+                let (lo, hi) = match axis {
+                    2 => (bows.lo[2], bows.hi[2]),
+                    _ => (zero, zero),
+                };
+                below[axis] = below[axis].max((hi - bow) * quarter);
+                above[axis] = above[axis].max((bow - lo) * quarter);
+            }
+        }
+        let Boxes8 { mut start, mut end } = Boxes8::of(simd, &raised);
+        for bounds in [&mut start, &mut end] {
+            for axis in 0..3 {
+                let (lo, hi) = (bounds.lo[axis], bounds.hi[axis]);
+                let (below, above) = (below[axis], above[axis]);
+                bounds.lo[axis] = (lo - below) - (lo.abs() + below + size[axis]) * pad;
+                bounds.hi[axis] = (hi + above) + (hi.abs() + above + size[axis]) * pad;
+            }
+        }
+        Boxes8 { start, end }
+    }
+}
+
 /// What ranges are of.
 #[derive(Clone, Copy)]
 enum Of {
     /// Vertices at a key.
     Key(usize),
-    /// What vertices do from the first key to the second.
-    Step,
+    /// The same along an axis that is rounded for it.
+    Inner(usize),
+    /// What vertices do from a key to the next.
+    Step(usize),
 }
 
 /// Ranges of coordinates, of steps along the third axis alone, widened for the rounding of the rotation where there is one.
@@ -272,10 +355,10 @@ fn row<S: Simd>(
 ) {
     let (mut x, mut y, mut z);
     match of {
-        Of::Key(k) => [x, y, z] = row_at(simd, vertices, groups, rows, half, k),
-        Of::Step => {
-            let from = row_at(simd, vertices, groups, rows, half, 0);
-            [x, y, z] = row_at(simd, vertices, groups, rows, half, 1);
+        Of::Key(k) | Of::Inner(k) => [x, y, z] = row_at(simd, vertices, groups, rows, half, k),
+        Of::Step(k) => {
+            let from = row_at(simd, vertices, groups, rows, half, k);
+            [x, y, z] = row_at(simd, vertices, groups, rows, half, k + 1);
             for side in 0..2 {
                 x[side] = x[side] - from[0][side];
                 y[side] = y[side] - from[1][side];
@@ -286,7 +369,8 @@ fn row<S: Simd>(
     // Only the third axis turns.
     let along = match of {
         Of::Key(_) => (ROTATION_PAD, 0),
-        Of::Step => (BOW_PAD, 2),
+        Of::Inner(_) => (INNER_PAD, 0),
+        Of::Step(_) => (BOW_PAD, 2),
     };
     take_in(simd, [x[0], y[0], z[0]], along, frame, found);
     take_in(simd, [x[1], y[1], z[1]], along, frame, found);

@@ -13,10 +13,14 @@ const LEAST_COSINE: f32 = 0.8;
 /// space: from 0.29 to 0.5 at most times. In fur, areas that are guessed with it are 0.8 to 1 of those that are found.
 const WIDTH: f32 = 0.4;
 
+/// Mean directions at both ends of the shutter with a smaller sine of the angle between them do not turn.
+const LEAST_TURN: f32 = 0.01;
+
 /// A frame that may suit a range.
 pub struct Guess {
-    /// Along the mean direction of strands, and the direction in which they differ most.
-    pub frame: Frame,
+    /// Along the mean direction of strands at both ends of the shutter, which may be the same, and the direction in which
+    /// they differ most, or that at right angles to their turn.
+    pub ends: [Frame; 2],
     /// Areas of boxes as they are.
     pub before: f32,
     /// About those in the frame, rather less.
@@ -24,7 +28,7 @@ pub struct Guess {
 }
 
 /// Finds it; none where an item has no direction, or directions differ too much.
-pub struct Guessed<'a, H>(pub &'a [Sorted<H>]);
+pub struct Guessed<'a, H: Hull>(pub &'a [Sorted<H>]);
 
 impl<H: Hull> Kernel for Guessed<'_, H> {
     type Output = Option<Guess>;
@@ -32,18 +36,43 @@ impl<H: Hull> Kernel for Guessed<'_, H> {
     fn run<S: Simd>(self, simd: S) -> Option<Guess> {
         let items = self.0;
         let directions = directions(items);
-        let way = way(simd, &directions, items.len())?;
-        let (mean, lengths) = mean(simd, &directions, way);
+        let way = way(simd, &directions.mean, items.len())?;
+        let Means { mean, half, length } = means::<S, H>(simd, &directions, way);
         // Written so that NaN fails.
-        let coherent = mean.length() > LEAST_COSINE * lengths;
+        let coherent = mean.length() > LEAST_COSINE * length;
         if !coherent {
             return None;
         }
         let axis = mean.try_normalize()?;
-        let frame = Frame::from_edges(axis, farthest(simd, &directions, axis))?;
-        let (before, after) = areas(simd, items, &directions, &frame);
+        let frame = Frame::from_edges(axis, farthest(simd, &directions.mean, axis))?;
+        let (before, after) = areas(simd, items, &directions, &[frame; 2]);
+        let fixed = Guess {
+            ends: [frame; 2],
+            before,
+            after,
+        };
+        if !H::MOVES {
+            return Some(fixed);
+        }
+        let [start, end] = [mean - half, mean + half];
+        let (across, size) = (start.cross(end), start.length() * end.length());
+        let turns = across.length() > LEAST_TURN * size;
+        if !turns {
+            return Some(fixed);
+        }
+        let (Some(start), Some(end)) = (
+            Frame::from_edges(start, across),
+            Frame::from_edges(end, across),
+        ) else {
+            return Some(fixed);
+        };
+        let ends = [start, end];
+        let (_, after) = areas(simd, items, &directions, &ends);
+        if fixed.after <= after {
+            return Some(fixed);
+        }
         Some(Guess {
-            frame,
+            ends,
             before,
             after,
         })
@@ -80,17 +109,32 @@ fn way<S: Simd>(simd: S, directions: &[Eight], count: usize) -> Option<Vec3> {
     })
 }
 
-/// The sum of directions, those that point the other way turned round, and that of their lengths.
+/// Sums over directions, those that point the other way turned round.
+struct Means {
+    /// Of directions in mid-shutter.
+    mean: Vec3,
+    /// Of half of what they change by.
+    half: Vec3,
+    /// Of lengths in mid-shutter.
+    length: f32,
+}
+
 #[inline(always)]
-fn mean<S: Simd>(simd: S, directions: &[Eight], way: Vec3) -> (Vec3, f32) {
+fn means<S: Simd, H: Hull>(simd: S, directions: &Directions, way: Vec3) -> Means {
     let zero = simd.all8(0.0);
     let way = copies(simd, way);
-    let (mut sum, mut lengths) = ([zero; 3], zero);
-    for part in directions {
+    let (mut sum, mut halves, mut lengths) = ([zero; 3], [zero; 3], zero);
+    for (number, part) in directions.mean.iter().enumerate() {
         let d = load(simd, part);
         let back = dot(d, way).lt(zero);
         for axis in 0..3 {
             sum[axis] = sum[axis] + (-d[axis]).or(back, d[axis]);
+        }
+        if H::MOVES {
+            let half = load(simd, &directions.half[number]);
+            for axis in 0..3 {
+                halves[axis] = halves[axis] + (-half[axis]).or(back, half[axis]);
+            }
         }
         let mut own = dot(d, d).to_array();
         for length in &mut own {
@@ -98,8 +142,12 @@ fn mean<S: Simd>(simd: S, directions: &[Eight], way: Vec3) -> (Vec3, f32) {
         }
         lengths = lengths + simd.from8(&own);
     }
-    let sum = Vec3::new(total(sum[0]), total(sum[1]), total(sum[2]));
-    (sum, total(lengths))
+    let of = |sum: [S::F8; 3]| Vec3::new(total(sum[0]), total(sum[1]), total(sum[2]));
+    Means {
+        mean: of(sum),
+        half: of(halves),
+        length: total(lengths),
+    }
 }
 
 /// What the direction that differs most from an axis has beside it.
@@ -128,20 +176,27 @@ fn farthest<S: Simd>(simd: S, directions: &[Eight], axis: Vec3) -> Vec3 {
     Vec3::new(x.to_array()[lane], y.to_array()[lane], z.to_array()[lane])
 }
 
-/// Areas of the boxes of items, as they are and about as they would be in a frame whose first axis is along them.
+/// Areas of the boxes of items, as they are and about as they would be in a frame whose first axis is along them, at both ends
+/// of the shutter.
 #[inline(always)]
 fn areas<S: Simd, H: Hull>(
     simd: S,
     items: &[Sorted<H>],
-    directions: &[Eight],
-    frame: &Frame,
+    directions: &Directions,
+    frames: &[Frame; 2],
 ) -> (f32, f32) {
     let zero = simd.all8(0.0);
-    let [x, y, z] = frame.axes;
-    let axes = [copies(simd, x), copies(simd, y), copies(simd, z)];
     let (mut before, mut after) = (0.0, zero);
-    for (part, d) in items.chunks(8).zip(directions) {
+    for (number, (part, d)) in items.chunks(8).zip(&directions.mean).enumerate() {
         let d = load(simd, d);
+        let (mut start, mut end) = (d, d);
+        if H::MOVES {
+            let half = load(simd, &directions.half[number]);
+            for axis in 0..3 {
+                start[axis] = d[axis] - half[axis];
+                end[axis] = d[axis] + half[axis];
+            }
+        }
         let mut extents = [[0.0; 8]; 3];
         for (lane, item) in part.iter().enumerate() {
             let bounds = item.bounds.load(simd);
@@ -154,37 +209,74 @@ fn areas<S: Simd, H: Hull>(
         // Along an axis, a box is as large as the strand is wide there, and as it goes far.
         let mut width = zero;
         for axis in 0..3 {
-            width = width + (simd.from8(&extents[axis]) - d[axis].abs()).max(zero);
+            let mut far = start[axis].abs();
+            if H::MOVES {
+                far = (far + end[axis].abs()) * simd.all8(0.5);
+            }
+            width = width + (simd.from8(&extents[axis]) - far).max(zero);
         }
         let width = width * simd.all8(WIDTH);
-        let e = [
-            dot(d, axes[0]).abs(),
-            dot(d, axes[1]).abs() + width,
-            dot(d, axes[2]).abs() + width,
-        ];
-        after = after + e[0] * e[1] + e[1] * e[2] + e[2] * e[0];
+        let e0 = sizes(simd, start, &frames[0], width);
+        if H::MOVES {
+            // As in `LinearBox::mean_half_area`.
+            let e1 = sizes(simd, end, &frames[1], width);
+            let both = [e0[0] + e1[0], e0[1] + e1[1], e0[2] + e1[2]];
+            let sum = products(e0) + products(e1) + products(both);
+            after = after + sum * simd.all8(1.0 / 6.0);
+        } else {
+            after = after + products(e0);
+        }
     }
     (before, total(after))
+}
+
+/// How large boxes are along the axes of a frame, of strands this wide.
+#[inline(always)]
+fn sizes<S: Simd>(simd: S, d: [S::F8; 3], frame: &Frame, width: S::F8) -> [S::F8; 3] {
+    let [x, y, z] = frame.axes;
+    [
+        dot(d, copies(simd, x)).abs(),
+        dot(d, copies(simd, y)).abs() + width,
+        dot(d, copies(simd, z)).abs() + width,
+    ]
+}
+
+#[inline(always)]
+fn products<F: Float<8>>([x, y, z]: [F; 3]) -> F {
+    x * y + y * z + z * x
 }
 
 /// Directions of 8 items, by axis.
 type Eight = [[f32; 8]; 3];
 
 /// Directions of items, 8 at a time; zero in lanes that are left.
+struct Directions {
+    /// In mid-shutter.
+    mean: Vec<Eight>,
+    /// Half of what they change by, where that is kept.
+    half: Vec<Eight>,
+}
+
 #[inline(always)]
-fn directions<H: Hull>(items: &[Sorted<H>]) -> Vec<Eight> {
-    let mut all = Vec::with_capacity(items.len().div_ceil(8));
+fn directions<H: Hull>(items: &[Sorted<H>]) -> Directions {
+    let count = items.len().div_ceil(8);
+    let mut mean = Vec::with_capacity(count);
+    let mut half = Vec::with_capacity(if H::MOVES { count } else { 0 });
     for part in items.chunks(8) {
-        let mut eight = Eight::default();
+        let mut eights = [Eight::default(); 2];
         for (lane, item) in part.iter().enumerate() {
-            let along = item.along();
+            let own = item.direction();
             for axis in 0..3 {
-                eight[axis][lane % 8] = along[axis];
+                eights[0][axis][lane % 8] = own[0][axis];
+                eights[1][axis][lane % 8] = own[1][axis];
             }
         }
-        all.push(eight);
+        mean.push(eights[0]);
+        if H::MOVES {
+            half.push(eights[1]);
+        }
     }
-    all
+    Directions { mean, half }
 }
 
 #[inline(always)]

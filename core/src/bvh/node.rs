@@ -18,7 +18,7 @@ use hdtrapeze_simd::{Float, Kernel, Level, Simd};
 use super::lanes::{Boxes8, Ranges8};
 use super::linear::round_up;
 use super::sorted::{Hull, LinearHull, StaticHull};
-use super::turn::{Turn, Turning};
+use super::turn::{StoredTurn, Turning};
 use super::{Frame, LinearBox};
 
 /// Bytes of 8 children: `[axis][0 lower, 1 upper][child]`.
@@ -261,7 +261,7 @@ impl Bounds8 for CarriedSlabs {
 impl Bounds8 for LinearSlabs {
     const MOVING: bool = true;
     type Hull = LinearHull;
-    type Turning = Turn;
+    type Turning = StoredTurn;
     #[inline(always)]
     fn pack<S: Simd>(simd: S, boxes: &Boxes8<S::F8>) -> Self {
         Self {

@@ -6,18 +6,20 @@
 //! built in it: splits and all nodes are along strands, and a ray that has been turned stays so from node to
 //! node. Ranges are tried from [`MOST_ITEMS`] downward, each a quarter of the last or smaller, and last the
 //! items of a single node, so that combed fur is turned in large parts, and tousled fur where a few
-//! strands happen to agree. A frame does not move: it follows the mean of both ends of the shutter.
+//! strands happen to agree. Where strands swing, the frame turns with their mean direction, about what is at right angles to
+//! it at both ends of the shutter ([`super::turn`]): its third axis goes along, and the first two stay.
 
 use glam::Vec3;
 use hdtrapeze_simd::{Kernel, Level, Scalar, Simd};
 
-use super::Frame;
 use super::block::{CellRect, GROUPS, loose};
 use super::bound::{TURN_COST, bound_groups};
 use super::guess::{Guess, Guessed};
 use super::object::loose_group;
 use super::sorted::{Hull, Sorted};
 use super::split::Extent;
+use super::turn::{Between, Pose, Turning};
+use super::{Bounds8, Frame};
 use crate::grid::PlanarMesh;
 use crate::grid::planar::GridPlanes;
 
@@ -26,6 +28,14 @@ pub const MOST_ITEMS: usize = 2048;
 /// A range of more items than a node has is turned where that leaves less than this part of the area of its
 /// boxes. Figures are much the same from a quarter to a half.
 const SHARE: f32 = 0.4;
+
+/// A range in a frame of its own.
+pub struct Turned<B: Bounds8> {
+    /// The frame.
+    pub frame: B::Turning,
+    /// The items of the range, as they are there.
+    pub items: Vec<Sorted<B::Hull>>,
+}
 
 /// The groups of a mesh that a tree is built over.
 #[derive(Clone, Copy)]
@@ -38,9 +48,9 @@ pub struct Strands<'a> {
 
 impl Strands<'_> {
     /// A frame for a range that has none yet, and its items there, if that pays.
-    pub fn turn<H: Hull>(&self, items: &[Sorted<H>]) -> Option<(Frame, Vec<Sorted<H>>)> {
+    pub fn turn<B: Bounds8>(&self, items: &[Sorted<B::Hull>]) -> Option<Turned<B>> {
         let Guess {
-            frame,
+            ends,
             before,
             after,
         } = self.level.run(Guessed(items))?;
@@ -48,18 +58,64 @@ impl Strands<'_> {
             SHARE * before
         } else {
             let whole = Extent::of(self.level, items).bounds;
-            before - TURN_COST * H::area(Scalar, whole.load(Scalar))
+            before - TURN_COST * B::Hull::area(Scalar, whole.load(Scalar))
         };
         // Most ranges that fail do so here.
         if after >= least {
             return None;
         }
-        let turned = self.turned(items, &frame)?;
-        (self.level.run(Area(&turned)) < least).then_some((frame, turned))
+        let frame = self.frame(items, &ends)?;
+        let items = self.turned(items, &frame)?;
+        (self.level.run(Area(&items)) < least).then_some(Turned { frame, items })
+    }
+
+    /// The frame that is so at both ends of the shutter, and follows strands between them; none where an item is a block.
+    fn frame<H: Hull, T: Turning>(&self, items: &[Sorted<H>], ends: &[Frame; 2]) -> Option<T> {
+        let times = &self.mesh.key_times;
+        if !T::TURNS || (times.len() <= 2 && ends[0] == ends[1]) {
+            return Some(T::fixed(ends[0]));
+        }
+        let along = ends[0].axes[0] + ends[1].axes[0];
+        let mut sums = vec![Piece::default(); times.len()];
+        for item in items {
+            let (grid, slot) = loose_group(item.id())?;
+            let planes = self.mesh.grid_planes(grid as usize);
+            let rect = loose(&planes.grid, slot);
+            let back = item.direction()[0].dot(along) < 0.0;
+            for (k, sum) in sums.iter_mut().enumerate() {
+                let own = Piece::of(&planes, rect, k);
+                sum.edge += if back { -own.edge } else { own.edge };
+                sum.middle += own.middle;
+            }
+        }
+        let part = 1.0 / items.len() as f32;
+        let edges = |sum: &Piece| [sum.edge * part, Vec3::ZERO];
+        let pose = |sum: &Piece, frame: Frame| Pose {
+            frame,
+            edges: edges(sum),
+            middle: sum.middle * part,
+        };
+        let (first, rest) = sums.split_first()?;
+        let (last, inner) = rest.split_last()?;
+        let (start, end) = (pose(first, ends[0]), pose(last, ends[1]));
+        if inner.is_empty() {
+            return Some(T::between(&start, &end));
+        }
+        let inner = inner.iter().zip(&times[1..]).map(|(sum, &time)| Between {
+            time,
+            edges: edges(sum),
+            middle: sum.middle * part,
+        });
+        let inner: Vec<Between> = inner.collect();
+        Some(T::through(&start, &inner, &end, &ends[0]))
     }
 
     /// The items of a range in a frame; none where one of them is a block.
-    fn turned<H: Hull>(&self, items: &[Sorted<H>], frame: &Frame) -> Option<Vec<Sorted<H>>> {
+    fn turned<H: Hull, T: Turning>(
+        &self,
+        items: &[Sorted<H>],
+        frame: &T,
+    ) -> Option<Vec<Sorted<H>>> {
         let mut turned = items.to_vec();
         for part in turned.chunks_mut(GROUPS) {
             let mut groups = [(0, CellRect::default()); GROUPS];
@@ -77,7 +133,7 @@ impl Strands<'_> {
 }
 
 /// The sum of the areas of boxes.
-struct Area<'a, H>(&'a [Sorted<H>]);
+struct Area<'a, H: Hull>(&'a [Sorted<H>]);
 
 impl<H: Hull> Kernel for Area<'_, H> {
     type Output = f32;
@@ -91,16 +147,30 @@ impl<H: Hull> Kernel for Area<'_, H> {
     }
 }
 
-/// From end to end of a group of a strip, the mean of both ends of the shutter.
-pub fn direction(planes: &GridPlanes<'_>, rect: CellRect) -> Vec3 {
-    let stride = usize::from(planes.grid.nu) + 1;
-    let [i, j, w, h] = [rect.i, rect.j, rect.w, rect.h].map(usize::from);
-    let from = j * stride + i;
-    let to = if planes.grid.nu == 1 {
-        from + h * stride
-    } else {
-        from + w
-    };
-    let edge = |k: usize| planes.position(k, to) - planes.position(k, from);
-    (edge(0) + edge(planes.key_times.len() - 1)) * 0.5
+/// A group of a strip at a key.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Piece {
+    /// From end to end of it.
+    pub edge: Vec3,
+    /// Half-way between.
+    pub middle: Vec3,
+}
+
+impl Piece {
+    /// Of a group of these micropolygons.
+    pub fn of(planes: &GridPlanes<'_>, rect: CellRect, key: usize) -> Self {
+        let stride = usize::from(planes.grid.nu) + 1;
+        let [i, j, w, h] = [rect.i, rect.j, rect.w, rect.h].map(usize::from);
+        let from = j * stride + i;
+        let to = if planes.grid.nu == 1 {
+            from + h * stride
+        } else {
+            from + w
+        };
+        let [from, to] = [from, to].map(|i| planes.position(key, i));
+        Self {
+            edge: to - from,
+            middle: (from + to) * 0.5,
+        }
+    }
 }

@@ -30,6 +30,14 @@ pub trait Hull: Clone + Copy + Send + Sync {
     fn extents<S: Simd>(simd: S, bounds: Self::In<S>) -> S::F8;
     /// As [`LinearBox::mean_half_area`].
     fn area<S: Simd>(simd: S, bounds: Self::In<S>) -> f32;
+    /// True where it moves.
+    const MOVES: bool;
+    /// What is kept of how an item's direction changes over the shutter.
+    type Swing: Clone + Copy + Send + Sync + std::fmt::Debug;
+    /// Half the difference of a direction at the end of the shutter and at its start.
+    fn swing(half: Vec3) -> Self::Swing;
+    /// The same again; zero where nothing is kept.
+    fn half(swing: &Self::Swing) -> Vec3;
     /// 8 boxes, a lane each.
     fn boxes<S: Simd>(simd: S, hulls: [&Self; 8]) -> Boxes8<S::F8>;
 }
@@ -90,6 +98,13 @@ fn products<F: Float<8>>(extents: F) -> f32 {
 impl Hull for StaticHull {
     const EMPTY: Self = Self::EMPTY;
     type In<S: Simd> = S::F8;
+    const MOVES: bool = false;
+    type Swing = ();
+    fn swing(_: Vec3) {}
+    #[inline(always)]
+    fn half(_: &()) -> Vec3 {
+        Vec3::ZERO
+    }
     fn of(b: &LinearBox) -> Self {
         Self::between(b.lo0.min(b.lo1), b.hi0.max(b.hi1))
     }
@@ -138,6 +153,15 @@ impl Hull for LinearHull {
         end: StaticHull::EMPTY,
     };
     type In<S: Simd> = [S::F8; 2];
+    const MOVES: bool = true;
+    type Swing = Vec4;
+    fn swing(half: Vec3) -> Vec4 {
+        half.extend(0.0)
+    }
+    #[inline(always)]
+    fn half(swing: &Vec4) -> Vec3 {
+        swing.truncate()
+    }
     fn of(b: &LinearBox) -> Self {
         Self {
             start: StaticHull::between(b.lo0, b.hi0),
@@ -202,19 +226,26 @@ impl Hull for LinearHull {
 /// An item being sorted.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
-pub struct Sorted<H> {
+pub struct Sorted<H: Hull> {
     /// Its box.
     pub bounds: H,
     /// Its direction, and the bits of its number: moved in one piece.
     rest: Vec4,
+    swing: H::Swing,
 }
 
 impl<H: Hull> Sorted<H> {
     /// Of an item.
     pub fn of(item: &Item) -> Self {
+        Self::along(item, [Vec3::ZERO; 2])
+    }
+
+    /// Of a part of a strand, from end to end of it at both ends of the shutter.
+    pub fn along(item: &Item, [start, end]: [Vec3; 2]) -> Self {
         Self {
             bounds: H::of(&item.bounds),
-            rest: item.along.extend(f32::from_bits(item.id)),
+            rest: ((start + end) * 0.5).extend(f32::from_bits(item.id)),
+            swing: H::swing((end - start) * 0.5),
         }
     }
 
@@ -232,9 +263,10 @@ impl<H: Hull> Sorted<H> {
         }
     }
 
-    /// As [`Item::along`].
+    /// From end to end of a part of a strand in mid-shutter, and half of what that changes by from start to end; zero for all
+    /// else.
     #[inline(always)]
-    pub fn along(&self) -> Vec3 {
-        self.rest.truncate()
+    pub fn direction(&self) -> [Vec3; 2] {
+        [self.rest.truncate(), H::half(&self.swing)]
     }
 }

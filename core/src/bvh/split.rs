@@ -91,7 +91,7 @@ impl<H: Hull> Extent<H> {
     }
 }
 
-struct Extend<'a, H>(&'a [Sorted<H>]);
+struct Extend<'a, H: Hull>(&'a [Sorted<H>]);
 
 impl<H: Hull> Kernel for Extend<'_, H> {
     type Output = Extent<H>;
@@ -185,7 +185,7 @@ fn whole_nodes(left: usize, count: usize) -> usize {
 }
 
 /// The cheapest split; none where there is none.
-struct SplitByArea<'a, H> {
+struct SplitByArea<'a, H: Hull> {
     level: Level,
     items: &'a mut [Sorted<H>],
     extent: &'a Extent<H>,

@@ -30,10 +30,12 @@
 //!
 //! **In a frame that turns** ([`crate::bvh::turn`]) the third axis at the ray's time, `fl(a0 + fl(fl(a1 - a0) T))`, is off by
 //! `2 |a1 - a0| + |a|`, at most 4.3 as a length. Origin and direction are turned by the same axis, so that counts once, where the
-//! hit is, at up to sqrt(3) R: 7.4. The bow's number is at most 5.6 R (1.61 for the step of an axis, 2 sqrt(3) R for the block's
-//! way), and `T (1 - T)` of it, at most 1.4 R, is off by 3 roundings: 4.2. Adding it to the origin rounds by 1.8 more, and what
-//! is larger by it, by 7 times 1.4 R: 9.8. Together with the 76.5 above that is 99.7; such tests are padded by
-//! [`TURN_PADS`] pads, 120. The other two axes are fixed.
+//! hit is, at up to sqrt(3) R: 7.4. The bow of any axis is at most 5.6 R: with two keys it is along the third alone, 1.61 for
+//! the step of an axis times 2 sqrt(3) R for the block's way; with more it is no larger than 5.5 times the reach of the block's
+//! middle, which is not beyond R but for its own roundings. `T (1 - T)` of it, at most 1.4 R, is off by 3
+//! roundings: 4.2. Adding it to the origin rounds by 1.8 more, and what is larger by it, by 7 times 1.4 R: 9.8.
+//! Together with the 76.5 above that is 99.7 on the third axis, and 92.3 on the others; such tests are padded by
+//! [`TURN_PADS`] pads, 120.
 //!
 //! **Below f32's normal numbers** a product is off by up to 2^-150, however small it is. In coordinates (interpolation,
 //! shear, and three products that turn an origin), that is a distance of less than 2^-146. In `t`, it is multiplied
@@ -127,7 +129,7 @@ impl ObjectRay {
         if T::TURNS {
             let turn = frame.turn();
             at.axes[2] += turn.step() * time;
-            bow.z = turn.bow * (time * (1.0 - time));
+            bow = turn.bow * (time * (1.0 - time));
             pad *= TURN_PADS;
         }
         let origin = at.turn(self.origin) + bow;

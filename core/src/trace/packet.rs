@@ -393,7 +393,10 @@ fn turned<const N: usize, C: Copies<N>, T: Turning>(
     let dir = [along(&x, &dir), along(&y, &dir), along(&z, &dir)];
     if T::TURNS {
         let bow = time * (copies.all(1.0) - time);
-        origin[2] = bow.mul_add(copies.all(turn.bow), origin[2]);
+        let most = all3(copies, turn.bow);
+        for (origin, most) in origin.iter_mut().zip(most) {
+            *origin = bow.mul_add(most, *origin);
+        }
     }
     ((origin, dir, time), pad)
 }

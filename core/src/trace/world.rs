@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
 
-use glam::{DAffine3, DVec3, Vec3};
+use glam::{DAffine3, DVec3};
 use hdtrapeze_simd::{Float, Level, Simd};
 use rayon::prelude::*;
 
@@ -83,11 +83,7 @@ impl Tops {
         if few_move(movers, items.len()) {
             moving.extend(items.extract_if(.., |item| !item.bounds.is_static()));
             let boxes: Vec<(u32, LinearBox)> = moving.iter().map(|i| (i.id, i.bounds)).collect();
-            items.extend(common(&boxes).map(|bounds| Item {
-                bounds,
-                id: MOVERS,
-                along: Vec3::ZERO,
-            }));
+            items.extend(common(&boxes).map(|bounds| Item { bounds, id: MOVERS }));
         }
         let top = if items.iter().all(|item| item.bounds.is_static()) {
             TopTree::Static(build_items(items, Nodes::Full, cancel))
@@ -108,7 +104,6 @@ pub fn few_move(movers: usize, all: usize) -> bool {
 const NOTHING: Item = Item {
     bounds: LinearBox::EMPTY,
     id: 0,
-    along: Vec3::ZERO,
 };
 
 /// Everything rays can hit.
@@ -318,7 +313,6 @@ impl World {
         Item {
             bounds: bounds.unwrap_or(LinearBox::EMPTY),
             id: i as u32,
-            along: Vec3::ZERO,
         }
     }
 

@@ -7,7 +7,7 @@ use glam::Vec3;
 use hdtrapeze_core::bvh::bound::bound_groups;
 use hdtrapeze_core::bvh::lanes::Boxes8;
 use hdtrapeze_core::bvh::node::{enter, magnitude};
-use hdtrapeze_core::bvh::turn::{Pose, Turn};
+use hdtrapeze_core::bvh::turn::{Between, Pose, Turn};
 use hdtrapeze_core::bvh::{Bounds8, Frame, LinearBox, LinearSlabs, StaticSlabs};
 use hdtrapeze_core::grid::PlanarMesh;
 use hdtrapeze_core::trace::beam::Beam;
@@ -34,10 +34,11 @@ struct Case {
 
 impl Case {
     fn new(genes: &mut Genes<'_>, scale: i32) -> Case {
-        let keys: &[f32] = match genes.below(3) {
+        let keys: &[f32] = match genes.below(4) {
             0 => &[0.0],
             1 => &[0.0, 1.0],
-            _ => &[0.0, 0.3, 1.0],
+            2 => &[0.0, 0.3, 1.0],
+            _ => &[0.0, 0.1, 0.45, 0.5, 1.0],
         };
         let time = genes.unit();
         // Most often as large as the object's reach, and seen from as far: then all roundings count.
@@ -73,7 +74,8 @@ impl Case {
         };
         let planar = PlanarMesh::from(mesh(&[(1, 1)], keys, |_, u, v, t| of(u, v, t)));
         let frame = frame(genes);
-        let turn = (keys.len() == 2 && genes.below(2) == 0).then(|| turn(genes, frame, &corners));
+        let turn =
+            (keys.len() > 1 && genes.below(2) == 0).then(|| turn(genes, frame, keys, &corners));
         let level = Level::best();
         let bounds = match &turn {
             Some(turn) => bound_groups(level, &planar, &[(0, CELL)], turn)[0],
@@ -114,15 +116,35 @@ impl Case {
     }
 }
 
-/// A frame that turns from one to another, along a cell with these corners at both ends of the shutter.
-fn turn(genes: &mut Genes<'_>, frame: Frame, corners: &[Vec3]) -> Turn {
-    let pose = |frame: Frame, at: &[Vec3]| Pose {
-        frame,
-        edges: [at[1] - at[0], at[2] - at[0]],
-        middle: (at[0] + at[1] + at[2] + at[3]) * 0.25,
+/// A frame that turns from one to another, along a cell with these corners at each key.
+fn turn(genes: &mut Genes<'_>, frame: Frame, keys: &[f32], corners: &[Vec3]) -> Turn {
+    let at = |k: usize| {
+        let at = &corners[4 * k..][..4];
+        let edges = [at[1] - at[0], at[2] - at[0]];
+        (edges, (at[0] + at[1] + at[2] + at[3]) * 0.25)
     };
-    let then = crate::boxes::frame(genes);
-    Turn::new(&pose(frame, &corners[..4]), &pose(then, &corners[4..8]))
+    let pose = |frame: Frame, k: usize| {
+        let (edges, middle) = at(k);
+        Pose {
+            frame,
+            edges,
+            middle,
+        }
+    };
+    let last = keys.len() - 1;
+    let (start, end) = (pose(frame, 0), pose(crate::boxes::frame(genes), last));
+    if last == 1 {
+        return Turn::new(&start, &end);
+    }
+    let inner = (1..last).map(|k| {
+        let (edges, middle) = at(k);
+        Between {
+            time: keys[k],
+            edges,
+            middle,
+        }
+    });
+    Turn::through(&start, &inner.collect::<Vec<_>>(), &end, &frame)
 }
 
 /// How much of the pad it takes until no hit is culled; none where nothing is hit.
@@ -311,7 +333,7 @@ fn hunt(
     way: impl Fn(&mut Genes<'_>) -> Way + Sync,
 ) {
     for (level, seed) in Level::available().into_iter().zip(seed..) {
-        let found = climb(20_000, 48, seed, |genes| {
+        let found = climb(20_000, 64, seed, |genes| {
             let scale = genes.whole(scales.0, scales.1);
             let case = Case::new(genes, scale);
             score(&case, way(genes), level)
@@ -345,7 +367,7 @@ fn slabs_of_tiny_and_huge_cells() {
 
 #[test]
 fn beams_of_cells() {
-    hunt("beams", (-10, 10), 30, 0.0, in_beam);
+    hunt("beams", (-10, 10), 36, 0.0, in_beam);
 }
 
 #[test]

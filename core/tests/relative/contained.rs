@@ -37,12 +37,8 @@ fn contains(
     for a in 0..3 {
         let [from, to] = frame.normals.map(|normal| normal.as_dvec3());
         let [first, second] = frame.axes.map(|axis| axis.as_dvec3());
-        let bow = f64::from(frame.bow) * (time * (1.0 - time));
-        let x = [
-            first.dot(p),
-            second.dot(p),
-            (from + (to - from) * time).dot(p) + bow,
-        ][a];
+        let bow = f64::from(frame.bow[a]) * (time * (1.0 - time));
+        let x = [first, second, from + (to - from) * time][a].dot(p) + bow;
         let slack = 1e-14
             * (p.abs().max_element() + lo.abs().max_element() + hi.abs().max_element() + bow.abs());
         if x < lo[a] - slack || x > hi[a] + slack {
@@ -99,7 +95,7 @@ fn check_tree<B: Bounds8>(
             .collect();
     } else {
         let node = &tree.tree.nodes[reference as usize];
-        frame = Turn::fixed(&tree.tree.frames[node.frame as usize]);
+        frame = tree.tree.frames[node.frame as usize].turn();
         children = (0..8)
             .filter(|s| node.valid >> s & 1 == 1)
             .map(|s| {
@@ -222,6 +218,38 @@ fn keys_strategy() -> impl Strategy<Value = Vec<f32>> {
         keys.push(1.0);
         keys
     })
+}
+
+/// Frames of an object's blocks that turn, and those of them that have a bow along a fixed axis.
+fn turning(object: &ObjectGeometry) -> [usize; 2] {
+    let Blas::Relative(relative) = object.blas() else {
+        return [0; 2];
+    };
+    let Trees::Moving(trees) = &relative.trees else {
+        return [0; 2];
+    };
+    let frames = trees.iter().flat_map(|tree| &tree.frames);
+    let turns = frames.map(Turning::turn).filter(Turn::turns);
+    turns.fold([0; 2], |[turns, bows], turn| {
+        let bowed = turn.bow.truncate() != glam::Vec2::ZERO;
+        [turns + 1, bows + usize::from(bowed)]
+    })
+}
+
+#[test]
+fn frames_turn_in_halves_of_the_shutter() {
+    let times: Vec<f64> = (0..=24).map(|i| f64::from(i) / 24.0).collect();
+    for count in [3, 5, 9] {
+        let keys = keys(count);
+        let debris = || curved::debris(12, 16, &keys, 5);
+        check_object(sheet(4, 16, &keys), &times).expect("contained");
+        assert_eq!(check_object(debris(), &times), Ok(true));
+        let [turns, bows] = turning(&ObjectGeometry::new(debris()));
+        assert!(
+            turns > 20 && (count < 5 || bows > 20),
+            "{count}: {turns}, {bows}"
+        );
+    }
 }
 
 proptest! {

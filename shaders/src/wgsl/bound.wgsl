@@ -43,7 +43,7 @@ const LARGEST: f32 = 1.0e9;
 const LEAST_COSINE: f32 = -0.3;
 const LEAST_LENGTH: f32 = 0.25;
 // Words of a block's frame, and what its place is marked by where it turns.
-const FRAME_WORDS: u32 = select(9u, 13u, MOVES);
+const FRAME_WORDS: u32 = select(9u, 15u, MOVES);
 const TURNS: u32 = 0x80000000u;
 const LOOSE: u32 = 0x40000000u;
 // Grids from this number on have no loose groups.
@@ -240,7 +240,7 @@ fn bow_out(span: Span, lattice: Lattice, turn: Turn,
     }
 }
 
-// Bounds over the shutter, as `ranges`; a frame that turns has two keys.
+// Bounds over the shutter, as `ranges`; what is bounded in a frame that turns has two keys.
 fn bound_groups(span: Span, lattice: Lattice, object: BuildObject, turns: bool, turn: Turn,
                 start: ptr<function, array<Ends, 8>>, end: ptr<function, array<Ends, 8>>) -> u32 {
     var most = ranges(span, lattice, 0u, turns, turn.start, start);
@@ -497,7 +497,8 @@ fn bound(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) group
                     }
                     if MOVES && does_turn(turn) {
                         write_axis(frame + 9u, turn.end[2]);
-                        words[frame + 12u] = bitcast<u32>(turn.bow);
+                        // With two keys nothing bows along fixed axes.
+                        write_axis(frame + 12u, vec3<f32>(0.0, 0.0, turn.bow));
                         frame |= TURNS;
                     }
                 }

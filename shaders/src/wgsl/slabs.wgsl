@@ -10,8 +10,8 @@
 // A node is 7 or, where it moves, 12 units: the lattice of its planes (at both ends of the shutter), 8 children, its frame,
 // and the mask of its children. A lattice is 18 words: origin, step, and bytes [axis][lower, upper][child].
 // A block is 6 or 10 units: lattices, 3 words of its span, its frame. A frame is its first word in `words`, 9
-// floats; 0 is the identity. With bit 31, it turns, as in core's bvh/turn.rs: 13 floats, two axes, the third at both ends of the
-// shutter, and its bow.
+// floats; 0 is the identity. With bit 31, it turns, as in core's bvh/turn.rs: 15 floats, two axes, the third at both ends of the
+// shutter, and the bows along all three.
 //
 // WGSL divides to 2.5 ULP, may fuse a product and a sum, and may flush what is below normal numbers. SLAB_PAD is core's
 // derivation with that: in units of U (|origin| + radius) a reciprocal is off by 5 where it was off by 1, which adds 4 to
@@ -106,13 +106,13 @@ fn turned(ray: TreeRay, frame: u32) -> SlabRay {
     let y = axis_of(at + 3u);
     var z = axis_of(at + 6u);
     var own = ray;
-    var bow = 0.0;
+    var bow = vec3<f32>(0.0);
     if TIME && (frame & TURNS) != 0u {
         z += (axis_of(at + 9u) - z) * ray.time;
-        bow = bitcast<f32>(words[at + 12u]) * (ray.time * (1.0 - ray.time));
+        bow = axis_of(at + 12u) * (ray.time * (1.0 - ray.time));
         own.pad *= TURN_PADS;
     }
-    let origin = vec3<f32>(dot(x, ray.origin), dot(y, ray.origin), dot(z, ray.origin) + bow);
+    let origin = vec3<f32>(dot(x, ray.origin), dot(y, ray.origin), dot(z, ray.origin)) + bow;
     let dir = vec3<f32>(dot(x, ray.dir), dot(y, ray.dir), dot(z, ray.dir));
     return slab_ray(own, origin, dir, most);
 }

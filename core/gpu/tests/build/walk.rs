@@ -24,21 +24,21 @@ const TURNS: u32 = 1 << 31;
 /// Planes of a child on the axes of its node, at both ends of the shutter.
 struct Slabs {
     axes: [DVec3; 3],
-    /// What the third axis is at the end of the shutter, and its bow, where it turns.
-    turns: Option<(DVec3, f64)>,
+    /// What the third axis is at the end of the shutter, and bows along all three, where it turns.
+    turns: Option<(DVec3, DVec3)>,
     ends: [[DVec3; 2]; 2],
 }
 
 impl Slabs {
     /// An error where a position is outside at `time`: not by rounding in f64, of which there is none at the ends.
     fn hold(&self, p: DVec3, time: f64) -> Result<(), Failed> {
-        let (mut axes, mut bow) = (self.axes, 0.0);
+        let (mut axes, mut bow) = (self.axes, DVec3::ZERO);
         if let Some((end, most)) = self.turns {
             axes[2] = axes[2] * (1.0 - time) + end * time;
             bow = most * (time * (1.0 - time));
         }
         for (axis, a) in axes.iter().enumerate() {
-            let x = a.dot(p) + if axis == 2 { bow } else { 0.0 };
+            let x = a.dot(p) + bow[axis];
             let plane = |side: usize| {
                 let [from, to] = [self.ends[0][side][axis], self.ends[1][side][axis]];
                 from * (1.0 - time) + to * time
@@ -47,7 +47,7 @@ impl Slabs {
             let exact = a.abs().element_sum() == 1.0 && (time == 0.0 || time == 1.0);
             let slack = match exact {
                 true => 0.0,
-                false => 1e-14 * (lo.abs() + hi.abs() + p.abs().element_sum() + bow.abs()),
+                false => 1e-14 * (lo.abs() + hi.abs() + p.abs().element_sum() + bow[axis].abs()),
             };
             if !(lo - slack <= x && x <= hi + slack) {
                 return Err(format!("{x:e} at {time} is not in {lo:e} .. {hi:e}").into());
@@ -100,7 +100,7 @@ impl Walk<'_> {
         };
         Slabs {
             axes,
-            turns: (frame & TURNS != 0).then(|| (vector(3), word(12))),
+            turns: (frame & TURNS != 0).then(|| (vector(3), vector(4))),
             ends: [start, end],
         }
     }
