@@ -25,14 +25,13 @@ use super::axes::FrameWords;
 use super::build::{Maker, Refits};
 use super::early::There;
 use super::pages::Paints;
+use super::stack::{EMPTY, LEAF};
 use super::vertices::Vertices;
 use super::{Device, GpuError, pages, stack};
 
 /// Units of 16 bytes.
 pub(crate) type Unit = [u32; 4];
 
-const LEAF: u32 = Tree::<()>::LEAF;
-const EMPTY: u32 = Tree::<()>::EMPTY;
 /// Set in a reference to a node whose bounds move.
 pub(crate) const MOVES: u32 = 1 << 30;
 

@@ -1,11 +1,16 @@
 //! How many entries the stack of a ray may need: known before it starts, since a GPU's stack cannot grow.
 
-use hdtrapeze_core::bvh::Tree;
+use hdtrapeze_core::bvh::{Bounds8, StaticSlabs, Tree};
+
+/// Set in a reference to an item, of trees of any kind.
+pub(crate) const LEAF: u32 = Tree::<StaticSlabs>::LEAF;
+/// The root of a tree with no items.
+pub(crate) const EMPTY: u32 = Tree::<StaticSlabs>::EMPTY;
 
 /// The most entries that a walk below the root of `tree` leaves on the stack at once, where `leaf` tells the same of
 /// an item: at each node all children but one may wait.
-pub(crate) fn need<B>(tree: &Tree<B>, leaf: impl Fn(u32) -> u32) -> u32 {
-    if tree.root == Tree::<B>::EMPTY {
+pub(crate) fn need<B: Bounds8>(tree: &Tree<B>, leaf: impl Fn(u32) -> u32) -> u32 {
+    if tree.root == EMPTY {
         return 0;
     }
     // Parents stand before their children.
@@ -19,7 +24,6 @@ pub(crate) fn need<B>(tree: &Tree<B>, leaf: impl Fn(u32) -> u32) -> u32 {
 }
 
 fn below(reference: u32, needs: &[u32], leaf: &impl Fn(u32) -> u32) -> u32 {
-    const LEAF: u32 = Tree::<()>::LEAF;
     match reference & LEAF {
         0 => needs[reference as usize],
         _ => leaf(reference & !LEAF),

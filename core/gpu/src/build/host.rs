@@ -4,7 +4,7 @@ use glam::Vec3;
 use hdtrapeze_core::bvh::elsewhere::{Items, items};
 use hdtrapeze_core::bvh::node::magnitude;
 use hdtrapeze_core::bvh::object::loose_item;
-use hdtrapeze_core::bvh::{Bounds8, LinearBox, LinearSlabs, StaticSlabs, Tree};
+use hdtrapeze_core::bvh::{Bounds8, LinearBox, LinearSlabs, StaticSlabs};
 use hdtrapeze_core::grid::PlanarMesh;
 
 use super::Planted;
@@ -12,6 +12,7 @@ use super::forest::Forest;
 use super::trees::{FACTS, Places, ordered};
 use crate::axes::FrameWords;
 use crate::scene::{Unit, block_of};
+use crate::stack::LEAF;
 
 /// What is known of a forest once its items are bounded, as `bound.wgsl` leaves it.
 pub(super) struct Bounded {
@@ -67,7 +68,7 @@ impl Bounded {
         match items::<B>(mesh, g)? {
             Items::Loose(boxes) => {
                 for (slot, bounds) in (0..).zip(&boxes) {
-                    let reference = Tree::<()>::LEAF | loose_item(g as u32, slot);
+                    let reference = LEAF | loose_item(g as u32, slot);
                     self.item(at, first + slot, bounds, reference, 0.0);
                 }
             }
@@ -84,7 +85,7 @@ impl Bounded {
                     let place = number * at.forest.block_units();
                     let block = block_of(&built.block, frame);
                     self.blocks[place as usize..][..block.len()].copy_from_slice(&block);
-                    let reference = Tree::<()>::LEAF | (at.places.blocks + place);
+                    let reference = LEAF | (at.places.blocks + place);
                     let reach = magnitude(built.block.bounds.reach());
                     self.item(at, first + slot, &built.aabb, reference, reach);
                 }

@@ -31,7 +31,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use bytemuck::cast_slice;
-use hdtrapeze_core::bvh::{LinearBox, Tree};
+use hdtrapeze_core::bvh::LinearBox;
 use hdtrapeze_core::grid::PlanarMesh;
 use hdtrapeze_core::trace::World;
 use hdtrapeze_core::trace::parts::Parts;
@@ -43,6 +43,7 @@ use wgpu::BufferUsages as Usage;
 use super::early::EarlyVertices;
 use super::pages::Paints;
 use super::scene::{self, Arrays, MOVES, Made, Page, Start, Unit, upload};
+use super::stack::{EMPTY, LEAF};
 use super::{Device, FirstOnDevice, GpuError, GpuScene, Submitted, pace};
 use forest::Forest;
 use host::Bounded;
@@ -332,7 +333,7 @@ fn laid<'w>(
     arrays.instances(&parts, numbers, |arrays, object, grids| {
         let (mesh, number) = (object.mesh(), arrays.objects.len());
         let there = early.and_then(|early| early.take(object));
-        arrays.mesh((mesh, there), grids, Tree::<()>::EMPTY, 0.0);
+        arrays.mesh((mesh, there), grids, EMPTY, 0.0);
         let (forest, meshes) = &mut forests[usize::from(mesh.is_moving())];
         meshes.push(mesh);
         match forest.add(mesh, number as u32, &arrays.objects[number]) {
@@ -552,11 +553,11 @@ impl TreeBuilder {
     /// Makes the tree over the instances of a world.
     fn tops(&self, clock: &mut Clock, world: &World) -> Result<Tops, Unmade> {
         let boxes = world.boxes().into_iter();
-        let boxes = boxes.map(|(number, bounds)| (number | Tree::<()>::LEAF, bounds));
+        let boxes = boxes.map(|(number, bounds)| (number | LEAF, bounds));
         let (mut moving, mut all): (Vec<_>, Vec<_>) = boxes.partition(|(_, b)| !b.is_static());
         let apart = all.len() as u32;
         if few_move(moving.len(), moving.len() + all.len()) {
-            all.extend(common(&moving).map(|bounds| (Tree::<()>::EMPTY, bounds)));
+            all.extend(common(&moving).map(|bounds| (EMPTY, bounds)));
         } else {
             all.append(&mut moving);
         }
@@ -636,7 +637,7 @@ impl TreeBuilder {
             costs.push(outcomes.iter().map(|outcome| outcome.cost).collect());
         }
         let mut start = Start {
-            root: Tree::<()>::EMPTY,
+            root: EMPTY,
             need: deepest,
         };
         let mut radius = world.radius();
