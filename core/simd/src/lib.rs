@@ -80,6 +80,10 @@ pub trait Simd: Copy + Debug {
     fn halves_swapped(self, x: Self::F8) -> Self::F8;
     /// Vector `i` has lane `i` of each of these.
     fn transposed(self, x: [Self::F8; 8]) -> [Self::F8; 8];
+    /// Vector `i` has number `i` of each of these.
+    fn columns(self, rows: [&[f32; 8]; 16]) -> [Self::F16; 8];
+    /// The first of each pair, and the second.
+    fn unzipped(self, pairs: [&[f32; 2]; 16]) -> [Self::F16; 2];
     /// 8 whole numbers from 0 to 255.
     fn bytes8(self, x: &[u8; 8]) -> Self::F8;
     /// 16 copies.
@@ -108,6 +112,8 @@ pub trait Simd: Copy + Debug {
     fn less16(self, x: Self::F16, by: f64) -> Self::F16;
     /// The lanes whose bits are set.
     fn mask16(self, bits: u32) -> Self::M16;
+    /// Bit `i` of `bits` is moved to where `places` has its bit `i`, counted from the lowest; those beyond are lost.
+    fn spread(self, bits: u32, places: u64) -> u64;
 
     /// 4 floats from each of 4 places, and the 4 that begin one later.
     ///

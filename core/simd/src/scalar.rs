@@ -159,6 +159,14 @@ impl Simd for Scalar {
         std::array::from_fn(|i| Array(std::array::from_fn(|k| x[k].0[i])))
     }
     #[inline]
+    fn columns(self, rows: [&[f32; 8]; 16]) -> [Array<16>; 8] {
+        std::array::from_fn(|i| Array(rows.map(|row| row[i])))
+    }
+    #[inline]
+    fn unzipped(self, pairs: [&[f32; 2]; 16]) -> [Array<16>; 2] {
+        [0, 1].map(|i: usize| Array(pairs.map(|pair| pair[i])))
+    }
+    #[inline]
     fn bytes8(self, x: &[u8; 8]) -> Array<8> {
         Array(x.map(f32::from))
     }
@@ -219,6 +227,10 @@ impl Simd for Scalar {
     fn mask16(self, bits: u32) -> Words<16> {
         let word = |i: usize| if bits >> i & 1 == 1 { u32::MAX } else { 0 };
         Words(std::array::from_fn(word))
+    }
+    #[inline]
+    fn spread(self, bits: u32, places: u64) -> u64 {
+        spread(bits, places)
     }
     #[inline]
     fn rows(self, plane: &[f32], at: [usize; 4]) -> [Array<16>; 2] {
@@ -290,6 +302,18 @@ impl Simd for Scalar {
     fn triangles(self, lattice: Array<16>) -> [Array<16>; 3] {
         TRIANGLES.map(|corner| Array(corner.map(|i| lattice.0[i as usize])))
     }
+}
+
+/// Each bit in turn. What AVX2 does, too: its instruction for it is slow on some processors that have no AVX-512.
+#[inline(always)]
+pub(crate) fn spread(mut bits: u32, mut places: u64) -> u64 {
+    let mut out = 0;
+    while bits != 0 && places != 0 {
+        let place = places & places.wrapping_neg();
+        out |= place & (u64::from(bits & 1)).wrapping_neg();
+        (bits, places) = (bits >> 1, places ^ place);
+    }
+    out
 }
 
 /// Each 4 lanes of `a`, then of `b`, joined: the first with the third, the second with the fourth, and both.

@@ -53,6 +53,21 @@ impl Kernel for Everything {
         out.extend(put8(s.halves_swapped(s.from8(&a8))));
         let rows = [0, 1, 2, 3, 4, 5, 6, 7].map(|i| s.from8(&numbers::<8>(self.seed + i)));
         out.extend(s.transposed(rows).map(put8).as_flattened());
+        let rows: [[f32; 8]; 16] = std::array::from_fn(|i| numbers(self.seed + i as u32));
+        let pairs: [[f32; 2]; 16] = std::array::from_fn(|i| [rows[i][3], rows[i][6]]);
+        let columns = s.columns(rows.each_ref()).into_iter();
+        for column in columns.chain(s.unzipped(pairs.each_ref())) {
+            out.extend(column.to_array().map(f32::to_bits));
+        }
+        for (bits, places) in [
+            (0xffff, 0xf0f0_1234_8001_0103),
+            (self.seed * 0x1235, u64::MAX),
+            (5, 0),
+        ] {
+            let spread = s.spread(bits & 0xffff, places);
+            assert_eq!(spread & !places, 0);
+            out.extend([spread as u32, (spread >> 32) as u32]);
+        }
         let bytes = std::array::from_fn(|i| (self.seed * 37 + i as u32 * 53) as u8);
         out.extend(s.bytes8(&bytes).to_array().map(f32::to_bits));
         let other = bytes.map(|b: u8| b.wrapping_mul(91));

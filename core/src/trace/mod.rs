@@ -11,6 +11,7 @@ pub mod cell;
 pub mod cell_rays;
 pub mod deferred;
 pub mod enter;
+pub mod enter_block;
 mod inside;
 pub mod instance;
 mod late;

@@ -337,7 +337,7 @@ pub fn turn_few<S: Simd, T: Turning>(
 }
 
 /// Makes vectors of `N` copies.
-trait Copies<const N: usize>: Copy {
+pub(super) trait Copies<const N: usize>: Copy {
     type Vector: Float<N>;
     fn all(self, x: f32) -> Self::Vector;
 }
@@ -356,7 +356,7 @@ impl<S: Simd> Copies<EIGHT> for Eight<S> {
 
 /// Vectors of 16.
 #[derive(Clone, Copy)]
-struct Sixteen<S>(S);
+pub(super) struct Sixteen<S>(pub S);
 
 impl<S: Simd> Copies<LANES> for Sixteen<S> {
     type Vector = S::F16;
@@ -367,11 +367,11 @@ impl<S: Simd> Copies<LANES> for Sixteen<S> {
 }
 
 /// Origin, direction and instant of rays, by lane.
-type Turned<F> = ([F; 3], [F; 3], F);
+pub(super) type Turned<F> = ([F; 3], [F; 3], F);
 
 /// Rays turned into a frame, and what slab tests are padded by there.
 #[inline(always)]
-fn turned<const N: usize, C: Copies<N>, T: Turning>(
+pub(super) fn turned<const N: usize, C: Copies<N>, T: Turning>(
     copies: C,
     frame: &T,
     (origin, dir, time): Turned<C::Vector>,

@@ -9,6 +9,7 @@ use hdtrapeze_simd::{Float, Mask, Part, Simd};
 use super::beam::{BEAM_RAYS, Beam};
 use super::cell_rays::CellRays;
 use super::enter::{Entered, Spans, by_child_pays, enter_few, enter_packet};
+use super::enter_block::enter_block;
 use super::packet::{
     All, Form, LANES, Lanes, PACKET, Packet, Ranges, Rays, Record, Slabs, VECTORS, in_turns, part,
     split,
@@ -21,6 +22,9 @@ use super::{Hit, TraceCounts, two_cells};
 use crate::bvh::block::{CellRect, loose};
 use crate::bvh::object::{BlockTree, loose_group};
 use crate::bvh::{Bounds8, ObjectGeometry, Tree};
+
+/// As many rays at a block are tested one after the other.
+const FEW: u32 = 8;
 
 /// A subtree that waits: where the first ray enters it, reference, and rays.
 #[derive(Clone, Copy, Debug)]
@@ -430,6 +434,8 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
                     turned.pair(simd, rays);
                 }
                 enter_packet(simd, bounds, valid, turned, rays, queries.spans())
+            } else if B::MOVING && rays.count_ones() > FEW {
+                enter_block(simd, bounds, valid, frame, rays, records, &queries.ranges)
             } else {
                 let room = (records, turned);
                 enter_few(simd, bounds, valid, frame, rays, room, &queries.ranges)

@@ -13,6 +13,7 @@ use hdtrapeze_core::grid::PlanarMesh;
 use hdtrapeze_core::trace::beam::Beam;
 use hdtrapeze_core::trace::cell::CellRay;
 use hdtrapeze_core::trace::enter::{Spans, by_child_pays, enter_few, enter_packet};
+use hdtrapeze_core::trace::enter_block::enter_block;
 use hdtrapeze_core::trace::object_ray::{ObjectRay, SLAB_PAD};
 use hdtrapeze_core::trace::packet::{Form, LANES, PACKET, Packet, Rays, Slabs, VECTORS, split};
 use hdtrapeze_simd::{Kernel, Level, Simd};
@@ -160,6 +161,8 @@ enum Way {
     Together,
     /// As each of these of a packet, which are few.
     Few(u64),
+    /// As each of these of a packet, at a block.
+    AtBlock(u64),
     /// As a beam of nothing else.
     InBeam,
 }
@@ -190,11 +193,11 @@ impl Way {
                 };
                 enter(simd, bounds, 1, &slabs, t, t).0 == 1
             }
-            Way::InPacket(_) | Way::Together | Way::Few(_) | Way::InBeam => {
+            _ => {
                 let mut rays = [Rays::NONE; VECTORS];
                 let lanes = match self {
                     Way::InPacket(ray) => 1u64 << ray,
-                    Way::Few(lanes) => lanes,
+                    Way::Few(lanes) | Way::AtBlock(lanes) => lanes,
                     _ => u64::MAX,
                 };
                 for ray in 0..PACKET {
@@ -225,14 +228,27 @@ impl Way {
                 }
                 let mut turned = Slabs::SPOILED;
                 let ranges = [[[t, -t]; LANES]; VECTORS];
-                if matches!(self, Way::Few(_)) {
-                    let mut records = [[f32::NAN; 8]; PACKET];
-                    packet.records(&mut records);
-                    let room = (&records, &mut turned);
-                    let entered = match &case.turn {
-                        Some(turn) => enter_few(simd, bounds, 1, turn, lanes, room, &ranges),
-                        None => enter_few(simd, bounds, 1, &case.frame, lanes, room, &ranges),
-                    };
+                let mut records = [[f32::NAN; 8]; PACKET];
+                packet.records(&mut records);
+                let (all, frame) = (&records, &case.frame);
+                let few = match (self, &case.turn) {
+                    (Way::Few(_), Some(turn)) => {
+                        let room = (all, &mut turned);
+                        Some(enter_few(simd, bounds, 1, turn, lanes, room, &ranges))
+                    }
+                    (Way::Few(_), None) => {
+                        let room = (all, &mut turned);
+                        Some(enter_few(simd, bounds, 1, frame, lanes, room, &ranges))
+                    }
+                    (Way::AtBlock(_), Some(turn)) => {
+                        Some(enter_block(simd, bounds, 1, turn, lanes, all, &ranges))
+                    }
+                    (Way::AtBlock(_), None) => {
+                        Some(enter_block(simd, bounds, 1, frame, lanes, all, &ranges))
+                    }
+                    _ => None,
+                };
+                if let Some(entered) = few {
                     return entered.children == 1 && entered.rays[0] == lanes;
                 }
                 // As traversal asks: what is not asked for is NaN.
@@ -343,10 +359,12 @@ fn hunt(
 }
 
 fn ray_by_ray(genes: &mut Genes<'_>) -> Way {
-    match genes.below(5) {
+    let some = |genes: &mut Genes<'_>| u64::MAX / (genes.below(1 << 16) as u64 + 1);
+    match genes.below(6) {
         0 | 1 => Way::Alone,
         2 => Way::InPacket(genes.below(PACKET as u64)),
-        3 => Way::Few(u64::MAX / (genes.below(1 << 16) as u64 + 1)),
+        3 => Way::Few(some(genes)),
+        4 => Way::AtBlock(some(genes)),
         _ => Way::Together,
     }
 }

@@ -5,7 +5,8 @@ use std::ops::{Add, BitAnd, BitOr, Mul, Neg, Sub};
 
 use super::avx2_apart;
 use super::eight::{
-    BIT, F256, M256, all8, bytes_in_turns, bytes8, from8, halves_swapped, outward8, transposed,
+    BIT, F256, M256, all8, bytes_in_turns, bytes8, four_pairs, from8, halves_swapped, outward8,
+    transposed,
 };
 use super::rows::{expect, expect_lattice, long_rows, rows, within};
 use crate::{Float, Mask, Part, Simd, scalar};
@@ -205,6 +206,33 @@ impl Simd for Avx2 {
         transposed(x)
     }
     #[inline(always)]
+    fn columns(self, rows: [&[f32; 8]; 16]) -> [Pair; 8] {
+        let [a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p] = rows;
+        let first = transposed([a, b, c, d, e, f, g, h].map(from8));
+        let second = transposed([i, j, k, l, m, n, o, p].map(from8));
+        let mut out = [Pair(first[0], second[0]); 8];
+        for (out, (first, second)) in out.iter_mut().zip(first.into_iter().zip(second)) {
+            *out = Pair(first, second);
+        }
+        out
+    }
+    #[inline(always)]
+    fn unzipped(self, pairs: [&[f32; 2]; 16]) -> [Pair; 2] {
+        let [a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p] = pairs;
+        let first = [four_pairs([a, b, e, f]), four_pairs([c, d, g, h])];
+        let second = [four_pairs([i, j, m, n]), four_pairs([k, l, o, p])];
+        x86!([
+            Pair(
+                F256(_mm256_shuffle_ps::<0b10_00_10_00>(first[0], first[1])),
+                F256(_mm256_shuffle_ps::<0b10_00_10_00>(second[0], second[1])),
+            ),
+            Pair(
+                F256(_mm256_shuffle_ps::<0b11_01_11_01>(first[0], first[1])),
+                F256(_mm256_shuffle_ps::<0b11_01_11_01>(second[0], second[1])),
+            ),
+        ])
+    }
+    #[inline(always)]
     fn bytes8(self, x: &[u8; 8]) -> F256 {
         bytes8(x)
     }
@@ -293,6 +321,10 @@ impl Simd for Avx2 {
     #[inline(always)]
     fn mask16(self, bits: u32) -> PairMask {
         PairMask(mask8(bits), mask8(bits >> 8))
+    }
+    #[inline(always)]
+    fn spread(self, bits: u32, places: u64) -> u64 {
+        scalar::spread(bits, places)
     }
     #[inline(always)]
     fn rows(self, plane: &[f32], at: [usize; 4]) -> [Pair; 2] {

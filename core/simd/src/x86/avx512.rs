@@ -6,7 +6,8 @@ use std::ops::{Add, BitAnd, BitOr, Mul, Neg, Sub};
 use super::avx2::Pair;
 use super::avx512_apart;
 use super::eight::{
-    BIT, F256, all8, bytes_in_turns, bytes8, from8, halves_swapped, outward8, transposed,
+    BIT, F256, all8, bytes_in_turns, bytes8, four_pairs, from8, halves_swapped, outward8,
+    transposed,
 };
 use super::rows::{expect, expect_lattice, long_rows, rows, within};
 use crate::{Float, Mask, Part, Simd};
@@ -137,6 +138,27 @@ const ZIPPED: [[i32; 16]; 2] = [
     [8, 24, 9, 25, 10, 26, 11, 27, 12, 28, 13, 29, 14, 30, 15, 31],
 ];
 
+/// The first of each pair of lanes of two vectors, and the second.
+const UNZIPPED: [[i32; 16]; 2] = [
+    [0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30],
+    [1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31],
+];
+
+/// Vector `i` has lane `i` of each of these, in each quarter by itself.
+#[inline(always)]
+fn fours_transposed([a, b, c, d]: [F512; 4]) -> [F512; 4] {
+    x86!({
+        let (ab, cd) = (_mm512_unpacklo_ps(a.0, b.0), _mm512_unpacklo_ps(c.0, d.0));
+        let (ef, gh) = (_mm512_unpackhi_ps(a.0, b.0), _mm512_unpackhi_ps(c.0, d.0));
+        [
+            F512(_mm512_shuffle_ps::<0b01_00_01_00>(ab, cd)),
+            F512(_mm512_shuffle_ps::<0b11_10_11_10>(ab, cd)),
+            F512(_mm512_shuffle_ps::<0b01_00_01_00>(ef, gh)),
+            F512(_mm512_shuffle_ps::<0b11_10_11_10>(ef, gh)),
+        ]
+    })
+}
+
 /// Lanes `at` of `a`, then of `b`.
 #[inline(always)]
 fn chosen(at: &[i32; 16], a: F512, b: F512) -> F512 {
@@ -199,6 +221,34 @@ impl Simd for Avx512 {
     #[inline(always)]
     fn transposed(self, x: [F256; 8]) -> [F256; 8] {
         transposed(x)
+    }
+    #[inline(always)]
+    fn columns(self, rows: [&[f32; 8]; 16]) -> [F512; 8] {
+        let [a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p] = rows;
+        // Fours are side by side in the end: those 4 later are in the other half meanwhile.
+        let two = |low: &[f32; 8], high: &[f32; 8]| both(Pair(from8(low), from8(high)));
+        let first = fours_transposed([two(a, e), two(b, f), two(c, g), two(d, h)]);
+        let second = fours_transposed([two(i, m), two(j, n), two(k, o), two(l, p)]);
+        let mut out = [first[0]; 8];
+        for i in 0..4 {
+            let (first, second) = (first[i].0, second[i].0);
+            out[i] = x86!(F512(_mm512_shuffle_f32x4::<0b10_00_10_00>(first, second)));
+            out[i + 4] = x86!(F512(_mm512_shuffle_f32x4::<0b11_01_11_01>(first, second)));
+        }
+        out
+    }
+    #[inline(always)]
+    fn unzipped(self, pairs: [&[f32; 2]; 16]) -> [F512; 2] {
+        let [a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p] = pairs;
+        let eight = |low, high| both(Pair(F256(four_pairs(low)), F256(four_pairs(high))));
+        let (low, high) = (
+            eight([a, b, c, d], [e, f, g, h]),
+            eight([i, j, k, l], [m, n, o, p]),
+        );
+        [
+            chosen(&UNZIPPED[0], low, high),
+            chosen(&UNZIPPED[1], low, high),
+        ]
     }
     #[inline(always)]
     fn bytes8(self, x: &[u8; 8]) -> F256 {
@@ -277,6 +327,10 @@ impl Simd for Avx512 {
     #[inline(always)]
     fn mask16(self, bits: u32) -> M512 {
         M512(bits as u16)
+    }
+    #[inline(always)]
+    fn spread(self, bits: u32, places: u64) -> u64 {
+        x86!(_pdep_u64(u64::from(bits), places))
     }
     #[inline(always)]
     fn rows(self, plane: &[f32], at: [usize; 4]) -> [F512; 2] {

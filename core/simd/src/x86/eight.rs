@@ -123,6 +123,20 @@ pub(super) fn transposed([a, b, c, d, e, f, g, h]: [F256; 8]) -> [F256; 8] {
     ])
 }
 
+/// Four pairs: the first and second, then the third and fourth.
+#[inline(always)]
+pub(super) fn four_pairs([a, b, c, d]: [&[f32; 2]; 4]) -> __m256 {
+    x86!({
+        let two = |a: &[f32; 2], b: &[f32; 2]| {
+            _mm_castpd_ps(_mm_loadh_pd(
+                _mm_load_sd(a.as_ptr().cast()),
+                b.as_ptr().cast(),
+            ))
+        };
+        _mm256_insertf128_ps::<1>(_mm256_castps128_ps256(two(a, b)), two(c, d))
+    })
+}
+
 /// The same for 4 vectors, in each half by itself.
 #[inline(always)]
 fn fours_transposed([a, b, c, d]: [F256; 4]) -> [F256; 4] {
