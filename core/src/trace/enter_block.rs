@@ -1,9 +1,9 @@
 //! Slab tests of some rays of a packet against the children of a block, in the block's own frame.
 //!
 //! Rays come out of their records 16 at once, however they lie in the packet, are turned side by side, and stay in
-//! registers while one child after the other is tested. The numbers are those of [`super::packet::Slabs`], but for signs: nothing is
-//! mirrored, since near and far planes change places instead, and where rays go both ways along an axis the nearer
-//! of both planes is near.
+//! registers while one child after the other is tested. The numbers are those of [`super::packet::Slabs`], but for
+//! signs: nothing is mirrored, since near and far planes change places instead, and where rays go both ways along an
+//! axis the nearer of both planes is near.
 
 use hdtrapeze_simd::{Float, Mask, Part, Simd};
 
@@ -246,12 +246,12 @@ mod tests {
                 frame.bow = random.vec() * 0.1;
             }
             // From all around, or all the same way along each axis.
-            let around = self.0 % 3 == 0;
+            let around = self.0.is_multiple_of(3);
             let (eye, target) = (random.vec() * 4.0, random.vec() * 0.3);
             let mut records = [[f32::NAN; 8]; PACKET];
             let mut ranges: Ranges = [[[f32::NAN; 2]; LANES]; VECTORS];
             let mut rays = random.bits() & random.bits();
-            if self.0 % 2 == 0 {
+            if self.0.is_multiple_of(2) {
                 rays &= random.bits() & random.bits();
             }
             rays |= 1 << (self.0 % 64);

@@ -164,7 +164,7 @@ impl World {
             queries,
             room,
             #[inline(always)]
-            |_| {},
+            |_, _| {},
             #[inline(always)]
             |item, lanes, queries, room| {
                 if !B::MOVING && item == MOVERS {

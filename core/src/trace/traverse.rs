@@ -249,20 +249,20 @@ impl<'a, S: Simd, B: Bounds8, const CULL: bool> Target<'a, S, B, CULL> {
             stack,
             counts,
             #[inline(always)]
-            |item| self.expect(item),
+            |item| self.expect(item, cells.key as u32),
             #[inline(always)]
             |item, query, _, counts| self.item(item, ray, cells, query, counts),
         );
     }
 
-    /// Says that an item of the tree may be tested soon.
+    /// Says that an item of the tree may be tested soon, at `key`.
     #[inline(always)]
-    pub fn expect(&self, item: u32) {
+    pub fn expect(&self, item: u32, key: u32) {
         match loose_group(item) {
             None => self.simd.expect(&self.blocks.blocks, item as usize),
             Some((grid, slot)) => {
                 let rect = loose(&self.mesh.grids[grid as usize], slot);
-                expect_group::<S, B>(self.simd, self.mesh, grid, rect);
+                expect_group::<S, B>(self.simd, self.mesh, grid, rect, key);
             }
         }
     }
@@ -369,13 +369,14 @@ impl<'a, S: Simd, B: Bounds8, const CULL: bool> Target<'a, S, B, CULL> {
     }
 }
 
-/// Says that the first and the last vertex of a small group will be asked for soon.
+/// Says that the first and the last vertex of a small group will be asked for soon, at `key`.
 #[inline(always)]
-fn expect_group<S: Simd, B: Bounds8>(simd: S, mesh: &PlanarMesh, g: u32, rect: CellRect) {
+fn expect_group<S: Simd, B: Bounds8>(simd: S, mesh: &PlanarMesh, g: u32, rect: CellRect, key: u32) {
     let grid = &mesh.grids[g as usize];
     let stride = usize::from(grid.nu) + 1;
     let n = grid.vertex_count();
-    let first = mesh.plane_start(grid, 0) + usize::from(rect.j) * stride + usize::from(rect.i);
+    let first =
+        mesh.plane_start(grid, key as usize) + usize::from(rect.j) * stride + usize::from(rect.i);
     let last = first + usize::from(rect.h) * stride + usize::from(rect.w);
     for plane in 0..if B::KEYS { 6 } else { 3 } {
         simd.expect(mesh.planes(), first + plane * n);

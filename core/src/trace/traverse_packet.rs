@@ -191,7 +191,7 @@ fn add<S: Simd>(simd: S, to: &mut All, rays: u64, more: f32) {
 }
 
 /// Walks a tree with a packet; `turned` is room for rays in a node's frame. `leaf(item, rays, queries, room)` is called
-/// for items that some rays may hit; `soon(item)` said that it may be, unless it came at once.
+/// for items that some rays may hit; `soon(item, rays)` said that it may be, unless it came at once.
 #[inline(always)]
 #[allow(clippy::too_many_arguments)] // one call, inlined
 pub(super) fn walk_packet<S: Simd, B: Bounds8>(
@@ -201,7 +201,7 @@ pub(super) fn walk_packet<S: Simd, B: Bounds8>(
     turned: &mut Slabs,
     queries: &mut Queries,
     room: &mut Room,
-    soon: impl Fn(u32),
+    soon: impl Fn(u32, u64),
     mut leaf: impl FnMut(u32, u64, &mut Queries, &mut Room),
 ) {
     if tree.root == Tree::<B>::EMPTY || packet.sound == 0 {
@@ -269,7 +269,7 @@ pub(super) fn walk_packet<S: Simd, B: Bounds8>(
                     for &slot in slots[1..count].iter().rev() {
                         let child = node.children[slot];
                         if child & Tree::<B>::LEAF != 0 {
-                            soon(child & !Tree::<B>::LEAF);
+                            soon(child & !Tree::<B>::LEAF, found.rays[slot]);
                         } else {
                             simd.expect(&tree.nodes, child as usize);
                         }
@@ -392,7 +392,11 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
             queries,
             room,
             #[inline(always)]
-            |item| self.expect(item),
+            |item, rays| {
+                // They go through one segment, most often. Asking for what the others need, too, costs more than it saves.
+                let first = rays.trailing_zeros() as usize & (PACKET - 1);
+                self.expect(item, cells.key[first]);
+            },
             #[inline(always)]
             |item, rays, queries, room| {
                 let pairs = &mut room.pairs;

@@ -31,15 +31,20 @@ impl Lens {
     /// Rays of an image of `size`^2 pixels with 4 samples each: 8x8 pixels and a quarter of the shutter
     /// at a time.
     pub fn rays(&self, size: usize) -> Vec<Ray> {
+        self.rays_with(size, 4)
+    }
+
+    /// The same with `samples` a pixel, each in a part of the shutter of its own.
+    pub fn rays_with(&self, size: usize, samples: usize) -> Vec<Ray> {
         let mut rng = Rng(42);
-        let mut rays = Vec::with_capacity(size * size * 4);
+        let mut rays = Vec::with_capacity(size * size * samples);
         let tiles = size / 8;
         for tile in 0..tiles * tiles {
-            for stratum in 0..4 {
+            for stratum in 0..samples {
                 for pixel in 0..64 {
                     let x = (tile % tiles * 8 + pixel % 8) as f32 + rng.unit();
                     let y = (tile / tiles * 8 + pixel / 8) as f32 + rng.unit();
-                    let time = (stratum as f32 + rng.unit()) / 4.0;
+                    let time = (stratum as f32 + rng.unit()) / samples as f32;
                     let at = |v: f32| (v / size as f32 * 2.0 - 1.0) * self.half_width * self.focus;
                     let (r, phi) = (
                         rng.unit().sqrt() * self.radius,
