@@ -21,8 +21,8 @@
 //!   last by 1 each (of at most R, and R + |o| twice); with `|s q| <= 2 R` and each end's `|o| <= R` that is at most
 //!   `20 R + 7 |o|`, and in a rotated frame, whose coordinates are up to sqrt(3) larger, 34.7. The last sum, of what is
 //!   not beyond `t` before it is rounded, is not beyond `t` after: `t` is an f32. Packets ([`super::enter`],
-//!   [`super::enter_block`]) place the planes first, `o + s q` to a product and a sum, 3 R, and sum `P0 i0`, `P1 i1` and the last term, products off by
-//!   4, 3 and 3 of themselves and one sum of R + |o|: at most `8 R + 4 |o|`, less.
+//!   [`super::enter_block`]) place the planes first, `o + s q` to a product and a sum, 3 R, and sum `P0 i0`, `P1 i1`
+//!   and the last term, products off by 4, 3 and 3 of themselves and one sum of R + |o|: at most `8 R + 4 |o|`, less.
 //!
 //! The sum is 76.5; [`SLAB_PAD`] is 80, which leaves room for terms of order `U^2`. So for an accepted
 //! hit at `t`, every axis of every node above it answers `near <= t <= far` in f32, and hits found do
