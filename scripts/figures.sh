@@ -46,8 +46,8 @@ segments() {
         told "cargo bench -p hdtrapeze-core --bench segments"
         printf 'A million micropolygons; time and bytes of the BVH as ratios to two keys. Thin lens, packets of 64 rays,\n'
         printf 'one thread, by the clock on the wall; first with 4 samples a pixel, then with 16, whose packets are nearer\n'
-        printf 'in time, and so in one segment more often. Half a turn has no chord: two keys of fan and orbit make an\n'
-        printf 'eighth of the others'"'"' turn, and those named slow make that however many keys they have.\n\n'
+        printf 'in time, and so in one segment more often; nodes and micropolygons a ray are of these. Half a turn has no\n'
+        printf 'chord: two keys of fan and orbit make an eighth of the others'"'"' turn, and those named slow make that however many keys they have.\n\n'
         sed -n '1{s/^/| /;s/$/ |/;p;s/[^|]*|/---|/g;s/^---|/|/;p}' "$log"
         sed -n '2,${s/^/| /;s/$/ |/;p}' "$log"
     } >$out/segments.md

@@ -6,7 +6,7 @@
 //! up (half a turn), to one of the segments of nine keys over the whole shutter. What moves eight times as far as
 //! that costs more for this alone, since rays of a packet, each at its own time, meet less in common: the scenes
 //! named "slow" make an eighth of the turn however many keys they have. The same for rays of 4 and of 16 samples a
-//! pixel: what is traced together is nearer in time where there are more. Times are of one thread and in turns, the
+//! pixel: what is traced together is nearer in time where there are more; counts are of 16. Times are of one thread and in turns, the
 //! best of several, by the clock on the wall. A sample of hits is checked against brute force before anything is printed.
 
 #[path = "../tests/trace_scenes/mod.rs"]
@@ -176,9 +176,11 @@ fn main() {
         });
         let mut cases: Vec<Case> = [2, 3, 5, 9].map(|k| Case::new(k, make(&keys(k)))).into();
         for case in &cases {
-            if let Err(e) = case.check(&loads[0], checks) {
-                eprintln!("{name}: {e}");
-                std::process::exit(1);
+            for rays in &loads {
+                if let Err(e) = case.check(rays, checks) {
+                    eprintln!("{name}: {e}");
+                    std::process::exit(1);
+                }
             }
         }
         for _ in 0..rounds {

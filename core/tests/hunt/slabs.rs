@@ -193,7 +193,7 @@ impl Way {
                 };
                 enter(simd, bounds, 1, &slabs, t, t).0 == 1
             }
-            _ => {
+            Way::InPacket(_) | Way::Together | Way::Few(_) | Way::AtBlock(_) | Way::InBeam => {
                 let mut rays = [Rays::NONE; VECTORS];
                 let lanes = match self {
                     Way::InPacket(ray) => 1u64 << ray,
