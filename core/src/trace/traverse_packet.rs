@@ -395,7 +395,7 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
             |item, rays| {
                 // They go through one segment, most often. Asking for what the others need, too, costs more than it saves.
                 let first = rays.trailing_zeros() as usize & (PACKET - 1);
-                self.expect(item, cells.key[first]);
+                self.expect(item, if B::KEYS { cells.key[first] } else { 0 });
             },
             #[inline(always)]
             |item, rays, queries, room| {
