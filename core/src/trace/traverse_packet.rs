@@ -384,6 +384,7 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
         if self.blocks.frames.len() > 1 {
             packet.records(records);
         }
+        let segments = B::KEYS && self.mesh.key_times.len() > 2;
         walk_packet(
             self.simd,
             &self.blocks.tree,
@@ -393,9 +394,14 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
             room,
             #[inline(always)]
             |item, rays| {
-                // They go through one segment, most often. Asking for what the others need, too, costs more than it saves.
+                if !segments {
+                    self.expect(item, 0);
+                    return;
+                }
+                // They go through one segment, most often. Asking for what the others need, too, costs more than it
+                // saves.
                 let first = rays.trailing_zeros() as usize & (PACKET - 1);
-                self.expect(item, if B::KEYS { cells.key[first] } else { 0 });
+                self.expect(item, cells.key[first]);
             },
             #[inline(always)]
             |item, rays, queries, room| {
