@@ -11,7 +11,9 @@ use crate::batch::Call;
 use crate::clock::{Clock, forget_peak, free_memory, peak_memory};
 use crate::compare::{Judge, Tally};
 use crate::embree::{Embree, Refusal, Scene, Variant};
-use crate::load::{Group, Load, Way, built, calls, time_ours, time_peer, trace, ways};
+use crate::load::{
+    Group, Load, Way, built, built_upright, calls, time_ours, time_peer, trace, ways,
+};
 use crate::rays::{by_block, by_pixel, secondary};
 use crate::scenes::{Family, Indices, Shape, Vertices, frozen};
 use crate::table::best;
@@ -35,6 +37,8 @@ pub struct Options {
     pub screen: usize,
     /// Without Embree, also where it is installed.
     pub alone: bool,
+    /// Ours also without oriented frames.
+    pub frames: bool,
 }
 
 /// Rates of one tracer on one group: million rays a second, in each round.
@@ -81,6 +85,10 @@ pub struct Report {
     pub nodes: f64,
     pub tested: f64,
     pub ours: Tracer,
+    /// Nodes and blocks of ours that have a frame.
+    pub oriented: [u64; 2],
+    /// Ours without frames, where that was asked for.
+    pub upright: Option<Tracer>,
     /// Those that were timed, in the order of the options.
     pub peers: Vec<Tracer>,
     /// All that were tried, once, on a part of the rays.
@@ -170,6 +178,18 @@ pub fn run(
         bytes: object.stats().bvh_bytes as f64 / cells,
         ..Tracer::default()
     };
+
+    let stats = object.stats();
+    let oriented = [stats.oriented_nodes, stats.oriented_blocks];
+    let mut upright = options.frames.then(|| {
+        let (object, world) = built_upright(mesh.clone());
+        let tracer = Tracer {
+            name: "without frames".into(),
+            bytes: object.stats().bvh_bytes as f64 / cells,
+            ..Tracer::default()
+        };
+        (world, tracer)
+    });
 
     let rays = family.lens().rays(options.image, options.samples);
     let mut hits = vec![Hit::MISS; rays.len()];
@@ -321,6 +341,11 @@ pub fn run(
         let copy = mesh.clone();
         let (_, seconds) = clock.time(|| built(copy));
         ours.builds.push(cells / seconds * 1e-6);
+        if let Some((_, upright)) = &mut upright {
+            let copy = mesh.clone();
+            let (_, seconds) = clock.time(|| built_upright(copy));
+            upright.builds.push(cells / seconds * 1e-6);
+        }
         let (Some(embree), Some(vertices)) = (embree, &vertices) else {
             continue;
         };
@@ -345,7 +370,11 @@ pub fn run(
                 let load = &loads[t.load];
                 let how = format!("{:?} {}", t.call, load.name).trim().to_lowercase();
                 let rate = time_ours(&world, load, t.call, clock)?;
-                note(&mut ours, group, how, rate);
+                note(&mut ours, group, how.clone(), rate);
+                if let Some((world, upright)) = &mut upright {
+                    let rate = time_ours(world, load, t.call, clock)?;
+                    note(upright, group, how, rate);
+                }
             }
             for (k, &i) in kept.iter().enumerate() {
                 let (variant, calls) = &tried_calls[i];
@@ -375,6 +404,8 @@ pub fn run(
         nodes: counts.node_tests as f64 / count,
         tested: counts.cell_tests as f64 / count,
         ours,
+        oriented,
+        upright: upright.map(|(_, tracer)| tracer),
         peers,
         tried,
         tallies,

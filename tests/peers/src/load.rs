@@ -109,7 +109,15 @@ impl Load {
 
 /// An object, and a world of it alone.
 pub fn built(mesh: DicedMesh) -> (Arc<ObjectGeometry>, World) {
-    let object = object(mesh);
+    alone(object(mesh))
+}
+
+/// The same with all bounds along the axes of space.
+pub fn built_upright(mesh: DicedMesh) -> (Arc<ObjectGeometry>, World) {
+    alone(Arc::new(ObjectGeometry::upright(mesh)))
+}
+
+fn alone(object: Arc<ObjectGeometry>) -> (Arc<ObjectGeometry>, World) {
     let place = InstanceTransform::Translation(DVec3::ZERO);
     let world = World::build(vec![instance(&object, place)], DVec3::ZERO);
     (object, world)

@@ -45,6 +45,7 @@ hdtrapeze-peers: our tracer beside Embree 3, on the same micropolygons and rays
   --rounds N       rounds (3)
   --cpu            rates by processor time, not by the clock on the wall
   --alone          without Embree
+  --frames         ours also without oriented frames, in turns with the rest
   --markdown FILE  writes the tables there too
   --json FILE      writes numbers of ours there, for scripts/plot_scale.py
 ";
@@ -77,6 +78,7 @@ fn arguments(mut args: impl Iterator<Item = String>) -> Result<Arguments, String
         checks: 100,
         screen: 16,
         alone: false,
+        frames: false,
     };
     let (mut families, mut largest) = (Family::ALL.to_vec(), false);
     let (mut markdown, mut json) = (None, None);
@@ -113,6 +115,7 @@ fn arguments(mut args: impl Iterator<Item = String>) -> Result<Arguments, String
             "--samples" => options.samples = parse(&value()?)?,
             "--rounds" => options.rounds = parse(&value()?)?,
             "--alone" => options.alone = true,
+            "--frames" => options.frames = true,
             "--cpu" => options.clock = Clock::Cpu,
             "--markdown" => markdown = Some(value()?),
             "--json" => json = Some(value()?),

@@ -99,7 +99,7 @@ pub fn numbers(reports: &[Report]) -> String {
 
 /// All tables, in Markdown.
 pub fn tables(reports: &[Report]) -> String {
-    let all = [
+    let mut all = vec![
         camera(reports),
         builds(reports),
         blur(reports),
@@ -107,6 +107,9 @@ pub fn tables(reports: &[Report]) -> String {
         tried(reports),
         answers(reports),
     ];
+    if reports.iter().any(|r| r.upright.is_some()) {
+        all.insert(4, frames(reports));
+    }
     all.iter().map(Table::markdown).collect()
 }
 
@@ -254,6 +257,37 @@ fn leaving(reports: &[Report]) -> Table {
                 over(peer),
                 traced(grid, group),
                 over(grid),
+            ]);
+        }
+    }
+    table
+}
+
+fn frames(reports: &[Report]) -> Table {
+    let mut table = Table::new(
+        "Oriented frames",
+        "Ours as it is beside ours with all bounds along the axes of space: million rays a second, million micropolygons \
+         a second, bytes of the hierarchy a micropolygon. Nodes and blocks: those that have a frame.",
+        &[
+            "scene", "nodes", "blocks", "query", "with", "without", "ratio", "build", "without",
+            "bytes", "without",
+        ],
+    );
+    for r in reports {
+        let Some(upright) = &r.upright else { continue };
+        for group in Group::ALL {
+            table.row(vec![
+                r.name.clone(),
+                r.oriented[0].to_string(),
+                r.oriented[1].to_string(),
+                group.name().into(),
+                traced(Some(&r.ours), group),
+                traced(Some(upright), group),
+                ratio(r.ours.rate(group), upright.rate(group)),
+                rate(&r.ours.builds),
+                rate(&upright.builds),
+                number(r.ours.bytes),
+                number(upright.bytes),
             ]);
         }
     }
