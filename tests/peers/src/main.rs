@@ -38,7 +38,7 @@ hdtrapeze-peers: our tracer beside Embree 3, on the same micropolygons and rays
   --size M         millions of micropolygons (1)
   --largest        the sheet alone, of 48.9 million, on Embree's grids and quads
   --quick          a small run that checks, in seconds
-  --scene NAME     sheet, patches or fur alone
+  --scene NAME     sheet, patches, fur or combed alone
   --order ORDER    camera rays by `tile`, `block` or `pixel`; all, and the best of them, without
   --image W H      1280 720; multiples of 4
   --samples N      rays a pixel (4)

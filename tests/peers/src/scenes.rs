@@ -1,4 +1,4 @@
-//! Three families of micropolygons, moving and frozen, and their copies in Embree's layouts.
+//! Four families of micropolygons, moving and frozen, and their copies in Embree's layouts.
 //!
 //! **The same triangles.** Embree splits a quad `v0 v1 v2 v3` by the diagonal `v1 v3`, and a grid's cell
 //! by the one from `(i+1, j)` to `(i, j+1)`; ours is the other. So vertex buffers hold the rows of each
@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use crate::ffi;
 use crate::rays::Lens;
-use crate::trace_scenes::{fur, keys, patches, sheet};
+use crate::trace_scenes::{combed, fur, keys, patches, sheet};
 
 /// What the micropolygons are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,18 +20,21 @@ pub enum Family {
     Sheet,
     /// Patches that tumble and drift.
     Patches,
-    /// Ribbons that sway.
+    /// Ribbons that sway, and cross.
     Fur,
+    /// Ribbons that sway, and run alike.
+    Combed,
 }
 
 impl Family {
-    pub const ALL: [Family; 3] = [Family::Sheet, Family::Patches, Family::Fur];
+    pub const ALL: [Family; 4] = [Family::Sheet, Family::Patches, Family::Fur, Family::Combed];
 
     pub fn name(self) -> &'static str {
         match self {
             Family::Sheet => "sheet",
             Family::Patches => "patches",
             Family::Fur => "fur",
+            Family::Combed => "combed",
         }
     }
 
@@ -46,6 +49,7 @@ impl Family {
             ),
             Family::Patches => patches((4000.0 * millions).ceil() as usize, 16, &keys, 1),
             Family::Fur => fur((62500.0 * millions).ceil() as usize, &keys, 1),
+            Family::Combed => combed((62500.0 * millions).ceil() as usize, 0.0024, &keys, 1),
         }
     }
 
@@ -54,7 +58,7 @@ impl Family {
         match self {
             Family::Sheet => Lens::new(Vec3::new(0.3, -1.6, 1.8), Vec3::ZERO, 0.03, 0.45),
             Family::Patches => Lens::new(Vec3::new(0.4, 0.3, 4.0), Vec3::ZERO, 0.05, 0.35),
-            Family::Fur => Lens::new(
+            Family::Fur | Family::Combed => Lens::new(
                 Vec3::new(0.2, -1.5, 1.5),
                 Vec3::new(0.0, 0.0, 0.1),
                 0.02,
