@@ -19,7 +19,7 @@ use super::relative::SeenMany;
 use super::room::{Room, Space};
 use super::traverse::Target;
 use super::{Hit, TraceCounts, two_cells};
-use crate::bvh::block::{CellRect, loose};
+use crate::bvh::block::{Block, CellRect, loose};
 use crate::bvh::object::{BlockTree, loose_group};
 use crate::bvh::{Bounds8, ObjectGeometry, Tree};
 
@@ -341,6 +341,46 @@ impl<S: Simd, B: Bounds8> Part<S> for InTree<'_, B> {
     }
 }
 
+/// Room for a packet in the frames of blocks.
+struct InBlock<'a> {
+    /// For its rays in one of them.
+    turned: &'a mut Slabs,
+    /// For what they are turned from.
+    records: &'a mut [Record; PACKET],
+    /// True where that is there: from the first block on that has a frame of its own.
+    ready: bool,
+}
+
+/// A block and a packet, [apart](Simd::apart).
+struct BlockItem<'a, 't, 'p, 'r, S: Simd, B: Bounds8> {
+    target: &'a Target<'t, S, B, false>,
+    block: &'a Block<B>,
+    rays: u64,
+    packet: &'a Packet<'p, S>,
+    room: &'a mut InBlock<'r>,
+    cells: &'a CellRays,
+    pairs: &'a mut Pairs,
+    queries: &'a mut Queries,
+}
+
+impl<S: Simd, B: Bounds8> Part<S> for BlockItem<'_, '_, '_, '_, S, B> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self, _: S) {
+        let Self {
+            target,
+            block,
+            rays,
+            packet,
+            room,
+            cells,
+            pairs,
+            queries,
+        } = self;
+        target.block_packet(block, rays, packet, room, cells, pairs, queries);
+    }
+}
+
 impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
     /// Traces the rays `lanes`, given in the object's space; and as the tree sees them, where that is otherwise.
     #[inline(always)]
@@ -381,9 +421,11 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
                 &*own
             }
         };
-        if self.blocks.frames.len() > 1 {
-            packet.records(records);
-        }
+        let mut in_block = InBlock {
+            turned: in_block,
+            records,
+            ready: false,
+        };
         let segments = B::KEYS && self.mesh.key_times.len() > 2;
         walk_packet(
             self.simd,
@@ -406,15 +448,13 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
             #[inline(always)]
             |item, rays, queries, room| {
                 let pairs = &mut room.pairs;
-                let room = (&mut *in_block, &*records);
-                self.item_packet(item, rays, &packet, room, cells, pairs, queries);
+                self.item_packet(item, rays, &packet, &mut in_block, cells, pairs, queries);
             },
         );
         room.give_back(space);
     }
 
-    /// Tests one item of the tree: a loose group or a block. `turned` is room for rays in a block's frame, and `records`
-    /// what they are turned from where there are frames.
+    /// Tests one item of the tree: a loose group or a block.
     #[inline(always)]
     #[allow(clippy::too_many_arguments)] // one call, inlined
     fn item_packet(
@@ -422,7 +462,7 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
         item: u32,
         rays: u64,
         packet: &Packet<'_, S>,
-        (turned, records): (&mut Slabs, &[Record; PACKET]),
+        room: &mut InBlock<'_>,
         cells: &CellRays,
         pairs: &mut Pairs,
         queries: &mut Queries,
@@ -430,47 +470,84 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
         if let Some((grid, slot)) = loose_group(item) {
             let rect = loose(&self.mesh.grids[grid as usize], slot);
             self.group_packet(grid, rect, rays, cells, pairs, queries);
+            self.settle(cells, pairs, queries);
         } else {
-            let block = &self.blocks.blocks[item as usize];
-            queries.count_node(self.simd, rays);
-            let valid = (1u32 << block.span.count) - 1;
-            let (simd, bounds) = (self.simd, &block.bounds);
-            let frame = &self.blocks.frames[block.frame as usize];
-            let found = if block.frame == 0 {
-                enter_packet(simd, bounds, valid, packet.slabs, rays, queries.spans())
-            } else if by_child_pays(rays, valid) {
-                packet.turn(frame, rays, B::MOVING, Form::Apart, turned);
-                if !turned.agree(rays) {
-                    turned.pair(simd, rays);
-                }
-                enter_packet(simd, bounds, valid, turned, rays, queries.spans())
-            } else if B::MOVING && rays.count_ones() > FEW {
+            // So that the tests of strands, which have no blocks, do not share registers with them.
+            self.simd.apart(BlockItem {
+                target: self,
+                block: &self.blocks.blocks[item as usize],
+                rays,
+                packet,
+                room,
+                cells,
+                pairs,
+                queries,
+            });
+        }
+    }
+
+    /// Tests a block's groups.
+    #[inline(always)]
+    #[allow(clippy::too_many_arguments)] // one call, inlined
+    fn block_packet(
+        &self,
+        block: &Block<B>,
+        rays: u64,
+        packet: &Packet<'_, S>,
+        room: &mut InBlock<'_>,
+        cells: &CellRays,
+        pairs: &mut Pairs,
+        queries: &mut Queries,
+    ) {
+        queries.count_node(self.simd, rays);
+        let valid = (1u32 << block.span.count) - 1;
+        let (simd, bounds) = (self.simd, &block.bounds);
+        let frame = &self.blocks.frames[block.frame as usize];
+        let InBlock {
+            turned,
+            records,
+            ready,
+        } = room;
+        let found = if block.frame == 0 {
+            enter_packet(simd, bounds, valid, packet.slabs, rays, queries.spans())
+        } else if by_child_pays(rays, valid) {
+            packet.turn(frame, rays, B::MOVING, Form::Apart, turned);
+            if !turned.agree(rays) {
+                turned.pair(simd, rays);
+            }
+            enter_packet(simd, bounds, valid, turned, rays, queries.spans())
+        } else {
+            if !*ready {
+                packet.records(records);
+                *ready = true;
+            }
+            if B::MOVING && rays.count_ones() > FEW {
                 enter_block(simd, bounds, valid, frame, rays, records, &queries.ranges)
             } else {
-                let room = (records, turned);
+                let room = (&**records, &mut **turned);
                 enter_few(simd, bounds, valid, frame, rays, room, &queries.ranges)
-            };
-            // The first group is waited for; the others come meanwhile.
-            let mut later = found.children & found.children.wrapping_sub(1);
-            while later != 0 {
-                let slot = later.trailing_zeros() & 7;
-                later &= later - 1;
-                let rect = block.span.group_rect(slot);
-                let key = cells.key[rays.trailing_zeros() as usize & (PACKET - 1)];
-                if B::KEYS {
-                    expect::<S, true>(self.simd, self.mesh, block.span.grid, rect, key);
-                } else {
-                    expect::<S, false>(self.simd, self.mesh, block.span.grid, rect, key);
-                }
             }
-            let mut children = found.children;
-            while children != 0 {
-                let slot = children.trailing_zeros() & 7;
-                children &= children - 1;
-                let rays = found.rays[slot as usize];
-                let rect = block.span.group_rect(slot);
-                self.group_packet(block.span.grid, rect, rays, cells, pairs, queries);
+        };
+        // The first group is waited for; the others come meanwhile.
+        let mut later = found.children & found.children.wrapping_sub(1);
+        while later != 0 {
+            let slot = later.trailing_zeros() & 7;
+            later &= later - 1;
+            let rect = block.span.group_rect(slot);
+            let key = cells.key[rays.trailing_zeros() as usize & (PACKET - 1)];
+            if B::KEYS {
+                expect::<S, true>(self.simd, self.mesh, block.span.grid, rect, key);
+            } else {
+                expect::<S, false>(self.simd, self.mesh, block.span.grid, rect, key);
             }
+        }
+        let mut children = found.children;
+        while children != 0 {
+            let slot = children.trailing_zeros() & 7;
+            children &= children - 1;
+            let rays = found.rays[slot as usize];
+            let rect = block.span.group_rect(slot);
+            self.group_packet(block.span.grid, rect, rays, cells, pairs, queries);
         }
         self.settle(cells, pairs, queries);
     }
