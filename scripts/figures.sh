@@ -3,7 +3,7 @@
 # hour or so on two cores. What is not installed is left out: Embree's columns, instruction counts.
 #
 #   scripts/figures.sh          everything
-#   scripts/figures.sh NAME...  of: peers, largest, scale, effects, segments, hunts
+#   scripts/figures.sh NAME...  of: peers, frames, largest, scale, effects, segments, hunts
 set -euo pipefail
 cd "$(dirname "$0")/.."
 out=docs/figures
@@ -29,6 +29,19 @@ compare() {
 peers() {
     compare $out/peers-1m.md --size 1
     compare $out/peers-16m.md --size 16
+}
+
+# The table of oriented frames, the last without Embree, of all scenes.
+frames() {
+    local all=$out/frames.md flags='--size 1 --order block --rounds 5 --alone --frames' table
+    table=$(mktemp)
+    # shellcheck disable=SC2086 # flags are words
+    cargo run --release --locked -q -p hdtrapeze-peers -- $flags --markdown "$table"
+    {
+        told "make peers PEERS_FLAGS=\"$flags\""
+        sed -n '3,4p;/^### Oriented frames/,$p' "$table"
+    } >$all
+    rm -f "$table"
 }
 
 largest() { compare $out/largest.md --largest; }
@@ -70,6 +83,6 @@ hunts() {
     rm -f "$log"
 }
 
-for name in "${@:-peers largest scale effects segments hunts}"; do
+for name in "${@:-peers frames largest scale effects segments hunts}"; do
     for part in $name; do "$part"; done
 done

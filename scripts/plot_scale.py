@@ -134,7 +134,7 @@ def main() -> None:
     """Measures, writes and prints."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--sizes", type=float, nargs="+", default=SIZES, help="millions")
-    parser.add_argument("--scene", default="sheet", help="sheet, patches or fur")
+    parser.add_argument("--scene", default="sheet", help="sheet, patches, fur or combed")
     parser.add_argument("--out", type=Path, default=ROOT / "docs/figures")
     parser.add_argument("--peers", default="", help="more flags for the bench, in one string")
     parser.add_argument("--binary", help="the bench, where it is built already")

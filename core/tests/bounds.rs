@@ -235,8 +235,8 @@ proptest! {
         rates in prop::collection::vec((1u16..=16, 1u16..=16), 1..12),
         keys in keys_strategy(), seed: u64, size in -150i32..55, flat in 0usize..4, far: bool, times in times_strategy()
     ) {
-        // Noise at every key: nothing is smooth, chords are raised, a few times farther than any vertex is. So sizes end well below
-        // the limit of coordinates. Flat in one axis or more.
+        // Noise at every key: nothing is smooth, chords are raised. Grids lie side by side, up to 13 sizes away, and raised bounds
+        // a few times farther: sizes end where these are below the limit of coordinates. Flat in one axis or more.
         let size = f64::from(size).exp2() as f32;
         let h = |g: usize, u: f32, v: f32, t: f32, a: u64| {
             let bits = (g as u64) << 40 ^ u64::from(u.to_bits()) ^ u64::from(v.to_bits()).rotate_left(20)
@@ -260,7 +260,7 @@ proptest! {
         let mut m = match shape {
             0 => fur(40, &keys, seed),
             1 => combed(40, 0.003, &keys, seed),
-            _ => patches(3, 16, &keys[..1], seed),
+            _ => patches(12, 16, &keys[..1], seed),
         };
         let spin = glam::Quat::from_axis_angle(Rng(seed).direction(), 1.0);
         for p in &mut m.positions {
@@ -408,7 +408,7 @@ fn frames_follow_blocks_along_arcs() {
 #[test]
 fn frames_follow_normals_that_turn() {
     for count in [2, 5, 9] {
-        let make = || sheet(16, 16, &keys(count));
+        let make = || sheet(24, 16, &keys(count));
         check_object(make(), &[0.0, 0.3, 0.5, 0.8, 1.0]).expect("contained");
         let object = Arc::new(ObjectGeometry::plain(make()));
         let [turns, _] = turning(&object);

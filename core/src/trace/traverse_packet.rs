@@ -472,7 +472,7 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
             self.group_packet(grid, rect, rays, cells, pairs, queries);
             self.settle(cells, pairs, queries);
         } else {
-            // So that the tests of strands, which have no blocks, do not share registers with them.
+            // So that the tests of loose groups, such as parts of strands, do not share registers with them.
             self.simd.apart(BlockItem {
                 target: self,
                 block: &self.blocks.blocks[item as usize],

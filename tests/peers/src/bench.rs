@@ -5,7 +5,7 @@
 //! its answers were compared.
 
 use hdtrapeze_core::grid::DicedMesh;
-use hdtrapeze_core::trace::{Hit, Ray, TraceCounts, brute};
+use hdtrapeze_core::trace::{Hit, Ray, TraceCounts, World, brute};
 
 use crate::batch::Call;
 use crate::clock::{Clock, forget_peak, free_memory, peak_memory};
@@ -182,9 +182,11 @@ pub fn run(
     let stats = object.stats();
     let oriented = [stats.oriented_nodes, stats.oriented_blocks];
     let mut upright = options.frames.then(|| {
-        let (object, world) = built_upright(mesh.clone());
+        let copy = mesh.clone();
+        let ((object, world), seconds) = clock.time(|| built_upright(copy));
         let tracer = Tracer {
             name: "without frames".into(),
+            builds: vec![cells / seconds * 1e-6],
             bytes: object.stats().bvh_bytes as f64 / cells,
             ..Tracer::default()
         };
@@ -235,19 +237,26 @@ pub fn run(
 
     // Ours, each way on a part. Processor time, so that the choice does not depend on what else runs.
     let trial = Clock::Cpu;
-    let mut tried_ours = Vec::new();
-    for (i, load) in parts.iter().enumerate() {
-        for &way in ways(load.group) {
-            let mut rate = time_ours(&world, load, way, trial)?;
-            rate = rate.max(time_ours(&world, load, way, trial)?);
-            tried_ours.push(Tried {
-                load: i,
-                call: way,
-                rate,
-            });
+    let best_ways = |world: &World| -> Result<[Option<Tried<Way>>; 3], String> {
+        let mut tried = Vec::new();
+        for (i, load) in parts.iter().enumerate() {
+            for &way in ways(load.group) {
+                let mut rate = time_ours(world, load, way, trial)?;
+                rate = rate.max(time_ours(world, load, way, trial)?);
+                tried.push(Tried {
+                    load: i,
+                    call: way,
+                    rate,
+                });
+            }
         }
-    }
-    let best_ours = Group::ALL.map(|group| best_of(&tried_ours, &loads, group));
+        Ok(Group::ALL.map(|group| best_of(&tried, &loads, group)))
+    };
+    let best_ours = best_ways(&world)?;
+    let best_upright = match &upright {
+        Some((world, _)) => best_ways(world)?,
+        None => [None; 3],
+    };
 
     // Embree, each variant and call on a part.
     let judge = Judge::new(object.mesh(), world.radius());
@@ -366,15 +375,20 @@ pub fn run(
     // Rays, in turns.
     for round in 0..options.rounds {
         for group in Group::ALL {
-            if let Some(t) = best_ours[group as usize] {
+            let time = |world: &World, t: Tried<Way>| -> Result<(String, f64), String> {
                 let load = &loads[t.load];
                 let how = format!("{:?} {}", t.call, load.name).trim().to_lowercase();
-                let rate = time_ours(&world, load, t.call, clock)?;
-                note(&mut ours, group, how.clone(), rate);
-                if let Some((world, upright)) = &mut upright {
-                    let rate = time_ours(world, load, t.call, clock)?;
-                    note(upright, group, how, rate);
-                }
+                Ok((how, time_ours(world, load, t.call, clock)?))
+            };
+            if let Some(t) = best_ours[group as usize] {
+                let (how, rate) = time(&world, t)?;
+                note(&mut ours, group, how, rate);
+            }
+            if let Some((world, upright)) = &mut upright
+                && let Some(t) = best_upright[group as usize]
+            {
+                let (how, rate) = time(world, t)?;
+                note(upright, group, how, rate);
             }
             for (k, &i) in kept.iter().enumerate() {
                 let (variant, calls) = &tried_calls[i];

@@ -45,7 +45,8 @@ hdtrapeze-peers: our tracer beside Embree 3, on the same micropolygons and rays
   --rounds N       rounds (3)
   --cpu            rates by processor time, not by the clock on the wall
   --alone          without Embree
-  --frames         ours also without oriented frames, in turns with the rest
+  --frames         ours also without oriented frames, each in its best way, in turns with the rest; memory's
+                   peaks are of both
   --markdown FILE  writes the tables there too
   --json FILE      writes numbers of ours there, for scripts/plot_scale.py
 ";

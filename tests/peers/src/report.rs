@@ -267,7 +267,7 @@ fn frames(reports: &[Report]) -> Table {
     let mut table = Table::new(
         "Oriented frames",
         "Ours as it is beside ours with all bounds along the axes of space: million rays a second, million micropolygons \
-         a second, bytes of the hierarchy a micropolygon. Nodes and blocks: those that have a frame.",
+         a second, best (and median) of the rounds, each in its best way; bytes of the hierarchy a micropolygon. Nodes and blocks: those that have a frame.",
         &[
             "scene", "nodes", "blocks", "query", "with", "without", "ratio", "build", "without",
             "bytes", "without",

@@ -49,7 +49,11 @@ impl Family {
             ),
             Family::Patches => patches((4000.0 * millions).ceil() as usize, 16, &keys, 1),
             Family::Fur => fur((62500.0 * millions).ceil() as usize, &keys, 1),
-            Family::Combed => combed((62500.0 * millions).ceil() as usize, 0.0024, &keys, 1),
+            Family::Combed => {
+                let count = (62500.0 * millions).ceil() as usize;
+                // As wide as fur.
+                combed(count, 0.6 / (count as f32).sqrt(), &keys, 1)
+            }
         }
     }
 

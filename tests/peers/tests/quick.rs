@@ -4,7 +4,7 @@ use std::process::Command;
 
 /// Runs the bench, and gives the tables that it wrote, which are those it printed.
 fn tables(options: &[&str]) -> String {
-    let name = format!("peers-{}-{}.md", std::process::id(), options.len());
+    let name = format!("peers-{}-{}.md", std::process::id(), options.join("-"));
     let file = std::env::temp_dir().join(name);
     let output = Command::new(env!("CARGO_BIN_EXE_peers"))
         .args(options)
@@ -22,6 +22,7 @@ fn tables(options: &[&str]) -> String {
         "sheet static",
         "patches moving",
         "fur moving",
+        "combed moving",
     ] {
         assert!(written.contains(text), "{text} is missing:\n{written}");
     }
@@ -36,10 +37,19 @@ fn the_small_run_agrees_with_what_is_installed() {
 }
 
 #[test]
+fn frames_have_a_table() {
+    let text = tables(&["--quick", "--alone", "--frames"]);
+    let table = text.split("### Oriented frames").nth(1).expect("a table");
+    assert_eq!(table.matches("| camera").count(), 8, "{text}");
+}
+
+#[test]
 fn ours_alone_has_tables_too() {
     let text = tables(&["--quick", "--alone"]);
     assert!(text.starts_with("Embree: left out"), "{text}");
-    assert!(!text.contains("### Every variant"), "{text}");
+    for title in ["### Every variant", "### Oriented frames"] {
+        assert!(!text.contains(title), "{text}");
+    }
 }
 
 #[test]
