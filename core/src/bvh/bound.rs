@@ -19,7 +19,7 @@ use crate::grid::{Grid, PlanarMesh};
 
 /// What a ray that is turned into a block's frame costs, in units of what it costs at one group that it meets. Only the choice
 /// of frames depends on it. Measured where all blocks would have a frame, or none, and between: with 0.3, rays from hits on
-/// small patches that tumble were a tenth slower than without any frames; with 0.6 as fast; of the gain on a smooth sheet,
+/// small patches that tumble were a tenth slower than without any frames; with 0.6 a few hundredths at most; of the gain on a smooth sheet,
 /// a sixth of the time of rays that leave it, more than half is left.
 const TURN_COST: f32 = 0.6;
 
