@@ -135,25 +135,32 @@ pub trait Simd: Copy + Debug {
 
     /// Says that `from[at]` will be asked for soon. There may be no such thing.
     fn expect<T>(self, from: &[T], at: usize);
-    /// Says that the rows of a [`Simd::lattice`] will be asked for soon. They may lie outside of `plane`.
-    fn expect_lattice(self, plane: &[f32], first: usize, stride: usize);
+    /// Says that [`Simd::lattices`] of `KEYS` keys will be asked for soon. They may lie outside of `floats`.
+    fn expect_lattices<const KEYS: usize>(
+        self,
+        floats: &[f32],
+        first: usize,
+        columns: usize,
+        key: usize,
+    );
     /// 15 vertices of a lattice, rows of 5 that start at `first`, `first + stride` and
     /// `first + 2 stride`, in lanes of its own: see [`Simd::corners`].
     ///
     /// # Panics
-    /// `plane` ends less than 3 floats after the last of them, or `stride` is absurd.
-    fn lattice(self, plane: &[f32], first: usize, stride: usize) -> Self::F16;
-    /// Lattices of x, y and z in the order of `axes`, at `KEYS` keys: planes of `count` floats follow each other, those of a
-    /// key after those of the one before. `first` is where the lattice of the first is.
+    /// `floats` end less than 3 after the last of them, or `stride` is absurd.
+    fn lattice(self, floats: &[f32], first: usize, stride: usize) -> Self::F16;
+    /// Lattices of x, y and z in the order of `axes`, at `KEYS` keys. A row of a lattice is `columns` floats of x, then as many
+    /// of y and of z; the next row follows, and the next key is `key` floats later. `first` is where the x of the
+    /// first vertex is.
     ///
     /// # Panics
-    /// As [`Simd::lattice`], or `count` is absurd.
+    /// As [`Simd::lattice`], or `key` is absurd.
     fn lattices<const KEYS: usize>(
         self,
-        planes: &[f32],
+        floats: &[f32],
         first: usize,
-        stride: usize,
-        count: usize,
+        columns: usize,
+        key: usize,
         axes: [usize; 3],
     ) -> [[Self::F16; 3]; KEYS];
     /// Lanes of the corners of triangle `l` of a [`Simd::lattice`], below 16, as [`Simd::triangles`] has them.

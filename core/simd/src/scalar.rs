@@ -269,13 +269,13 @@ impl Simd for Scalar {
     #[inline(always)]
     fn expect<T>(self, _: &[T], _: usize) {}
     #[inline(always)]
-    fn expect_lattice(self, _: &[f32], _: usize, _: usize) {}
+    fn expect_lattices<const KEYS: usize>(self, _: &[f32], _: usize, _: usize, _: usize) {}
     #[inline]
-    fn lattice(self, plane: &[f32], first: usize, stride: usize) -> Array<16> {
+    fn lattice(self, floats: &[f32], first: usize, stride: usize) -> Array<16> {
         let mut out = [0.0; 16];
         for row in 0..3 {
             let at = first + row * stride;
-            let row5 = &plane[at..at + 5];
+            let row5 = &floats[at..at + 5];
             out[4 * row..4 * row + 4].copy_from_slice(&row5[..4]);
             out[12 + row] = row5[4];
         }
@@ -284,14 +284,14 @@ impl Simd for Scalar {
     #[inline]
     fn lattices<const KEYS: usize>(
         self,
-        planes: &[f32],
+        floats: &[f32],
         first: usize,
-        stride: usize,
-        count: usize,
+        columns: usize,
+        key: usize,
         axes: [usize; 3],
     ) -> [[Array<16>; 3]; KEYS] {
-        std::array::from_fn(|key| {
-            axes.map(|axis| self.lattice(planes, first + (3 * key + axis) * count, stride))
+        std::array::from_fn(|k| {
+            axes.map(|axis| self.lattice(floats, first + k * key + axis * columns, 3 * columns))
         })
     }
     #[inline]

@@ -119,8 +119,8 @@ impl Kernel for Everything {
         }
         for (first, stride) in [(3, 5), (3, 9), (3, 17), (0, 1), (0, 2), (5, 4)] {
             // Only a hint: rows that are not there do no harm.
-            s.expect_lattice(&plane, first, stride);
-            s.expect_lattice(&plane, usize::MAX, stride);
+            s.expect_lattices::<2>(&plane, first, stride, 9);
+            s.expect_lattices::<2>(&plane, usize::MAX, stride, 9);
             let lattice = s.lattice(&plane, first, stride);
             let triangles = s.triangles(lattice);
             for corner in triangles {
@@ -131,13 +131,14 @@ impl Kernel for Everything {
                     assert_eq!(lattice.to_array()[lane], corner.to_array()[l]);
                 }
             }
-            for (key, lattices) in s
-                .lattices::<2>(&plane, first, stride, 2, [2, 0, 1])
-                .iter()
-                .enumerate()
-            {
+        }
+        let floats: Vec<f32> = (0..200).map(|i| i as f32).collect();
+        for (first, columns, key) in [(3, 17, 7), (0, 2, 99), (5, 1, 3)] {
+            let lattices = s.lattices::<2>(&floats, first, columns, key, [2, 0, 1]);
+            for (k, lattices) in lattices.iter().enumerate() {
                 for (lattice, axis) in lattices.iter().zip([2, 0, 1]) {
-                    let alone = s.lattice(&plane, first + 2 * (3 * key + axis), stride);
+                    let at = first + k * key + axis * columns;
+                    let alone = s.lattice(&floats, at, 3 * columns);
                     assert_eq!(lattice.to_array(), alone.to_array());
                 }
             }

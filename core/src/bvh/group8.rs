@@ -22,7 +22,10 @@ pub struct Groups {
     /// Where their rows begin in the plane of the first key's x.
     rows: [[usize; GROUPS]; ROWS],
     /// Floats of each plane.
-    plane: [usize; GROUPS],
+    /// Vertices of a row of each: y is so much later than x.
+    columns: [usize; GROUPS],
+    /// Floats from one key to the next.
+    key: [usize; GROUPS],
     /// Lanes that are columns of micropolygons, of the first 4 groups and of the others.
     lanes: [u32; 2],
     more_than_4: bool,
@@ -34,13 +37,15 @@ impl Groups {
     /// Sets a group of a grid whose planes begin at `start`.
     #[inline(always)]
     pub fn put(&mut self, slot: usize, start: usize, grid: &Grid, rect: CellRect) {
-        let stride = usize::from(grid.nu) + 1;
+        let columns = usize::from(grid.nu) + 1;
+        let stride = 3 * columns;
         let first = start + usize::from(rect.j) * stride + usize::from(rect.i);
         for (row, at) in self.rows.iter_mut().enumerate() {
             // A row again where there are fewer.
             at[slot % GROUPS] = first + row.min(rect.h.into()) * stride;
         }
-        self.plane[slot % GROUPS] = grid.vertex_count();
+        self.columns[slot % GROUPS] = columns;
+        self.key[slot % GROUPS] = 3 * grid.vertex_count();
         let columns = (1 << rect.w) - 1;
         self.lanes[slot / 4 % 2] |= columns << (slot % 4 * 4);
     }
@@ -53,7 +58,8 @@ impl Groups {
             for row in &mut self.rows {
                 row[slot] = row[0];
             }
-            self.plane[slot] = self.plane[0];
+            self.columns[slot] = self.columns[0];
+            self.key[slot] = self.key[0];
             self.lanes[slot / 4] |= first << (slot % 4 * 4);
         }
         self.more_than_4 = count > 4;
@@ -394,8 +400,8 @@ fn row_at<S: Simd>(
         rows[first + 3],
     ];
     if vertices.one_grid {
-        let n = groups.plane[0];
-        let x = &vertices.planes[3 * k * n..];
+        let n = groups.columns[0];
+        let x = &vertices.planes[k * groups.key[0]..];
         let planes = [x, &x[n..], &x[2 * n..]];
         if groups.pairs {
             let at = [at[0], at[2]];
@@ -412,11 +418,11 @@ fn row_at<S: Simd>(
             ]
         }
     } else {
-        let p = &groups.plane;
-        let step = [p[first], p[first + 1], p[first + 2], p[first + 3]];
+        let c = &groups.columns;
+        let step = [c[first], c[first + 1], c[first + 2], c[first + 3]];
         let mut at = at;
         for i in 0..4 {
-            at[i] += 3 * k * step[i];
+            at[i] += k * groups.key[first + i];
         }
         let y = plus(at, step);
         [

@@ -65,15 +65,15 @@ fn grid_bounds(level: Level, planes: &GridPlanes<'_>) -> Option<LinearBox> {
 
 fn key_bounds(planes: &GridPlanes<'_>, k: usize) -> (Vec3, Vec3) {
     let n = planes.grid.vertex_count();
-    let axis = |axis: usize| {
-        let plane = &planes.planes[(3 * k + axis) * n..][..n];
-        let bounds = plane
-            .iter()
-            .fold((f32::INFINITY, f32::NEG_INFINITY), |b, &x| {
-                (b.0.min(x), b.1.max(x))
-            });
-        <[f32; 2]>::from(bounds)
-    };
-    let [x, y, z] = [0, 1, 2].map(axis);
-    (Vec3::new(x[0], y[0], z[0]), Vec3::new(x[1], y[1], z[1]))
+    let columns = usize::from(planes.grid.nu) + 1;
+    let mut bounds = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+    for row in planes.planes[3 * k * n..][..3 * n].chunks_exact(3 * columns) {
+        for (axis, x) in row.chunks_exact(columns).enumerate() {
+            for &x in x {
+                bounds.0[axis] = bounds.0[axis].min(x);
+                bounds.1[axis] = bounds.1[axis].max(x);
+            }
+        }
+    }
+    bounds
 }

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use super::{DicedMesh, Grid, GridChannel, MAX_GRID_RATE};
 
 /// Floats after the last plane: a row of 8 from any lattice row or the two after it stays inside.
-const PAD: usize = 2 * (MAX_GRID_RATE as usize + 1) + 8;
+const PAD: usize = 6 * (MAX_GRID_RATE as usize + 1) + 8;
 
 /// One object's grids, ready to be traced. Fields that [`DicedMesh`] has too mean the same.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -35,6 +35,18 @@ pub struct PlanarMesh {
     pub channels: Vec<GridChannel>,
 }
 
+/// Vertices of a row of a grid's lattice.
+#[inline(always)]
+fn columns(grid: &Grid) -> usize {
+    usize::from(grid.nu) + 1
+}
+
+/// Where the x of vertex `i` of a grid is, from where its first one is.
+#[inline(always)]
+fn x_of(grid: &Grid, i: usize) -> usize {
+    i + 2 * columns(grid) * (i / columns(grid))
+}
+
 /// The planes of one grid.
 #[derive(Clone, Copy, Debug)]
 pub struct GridPlanes<'a> {
@@ -50,15 +62,71 @@ impl GridPlanes<'_> {
     /// Position of vertex `i` at key `k`.
     #[inline(always)]
     pub fn position(&self, k: usize, i: usize) -> Vec3 {
-        let n = self.grid.vertex_count();
-        let x = 3 * k * n + i;
-        Vec3::new(self.planes[x], self.planes[x + n], self.planes[x + 2 * n])
+        let x = 3 * k * self.grid.vertex_count() + x_of(&self.grid, i);
+        let columns = columns(&self.grid);
+        Vec3::new(
+            self.planes[x],
+            self.planes[x + columns],
+            self.planes[x + 2 * columns],
+        )
     }
     /// The coordinates of all vertices at all keys.
     pub fn coordinates(&self) -> &[f32] {
         &self.planes[..self.grid.vertex_count() * 3 * self.key_times.len()]
     }
 }
+
+/// Where the vertices of a group of micropolygons are.
+#[derive(Clone, Copy, Debug)]
+pub struct Lattice<'a> {
+    floats: &'a [f32],
+    first: usize,
+    columns: usize,
+    key: usize,
+}
+
+impl Lattice<'_> {
+    /// Says that [`Lattice::load`] will be called soon.
+    #[inline(always)]
+    pub fn expect<S: Simd, const KEYS: usize>(self, simd: S) {
+        simd.expect_lattices::<KEYS>(self.floats, self.first, self.columns, self.key);
+    }
+    /// The coordinates in the order of `axes`, at `KEYS` keys, which are there; see [`Simd::lattices`].
+    #[inline(always)]
+    pub fn load<S: Simd, const KEYS: usize>(
+        self,
+        simd: S,
+        axes: [usize; 3],
+    ) -> [[S::F16; 3]; KEYS] {
+        simd.lattices::<KEYS>(self.floats, self.first, self.columns, self.key, axes)
+    }
+    /// The coordinates at the first key, or `k` keys later, of two micropolygons in a row, 2 or 3 `columns` of vertices:
+    /// row by row, x before y before z. `room` is for those that are apart in memory.
+    ///
+    /// # Panics
+    /// The key is not there.
+    #[inline(always)]
+    pub fn strip<'b>(
+        &'b self,
+        k: usize,
+        columns: usize,
+        room: &'b mut [f32; STRIP],
+    ) -> &'b [f32; STRIP] {
+        let floats = &self.floats[self.first + k * self.key..];
+        if self.columns == columns
+            && let Some(all) = floats.first_chunk()
+        {
+            return all;
+        }
+        for (i, row) in room.chunks_exact_mut(columns).enumerate() {
+            row.copy_from_slice(&floats[i * self.columns..][..columns]);
+        }
+        room
+    }
+}
+
+/// Coordinates of 2 x 3 vertices.
+pub const STRIP: usize = 18;
 
 /// Vertices that one thread turns at a time.
 const PART: usize = 1 << 13;
@@ -98,7 +166,7 @@ impl Run<'_> {
             level.run(Turn {
                 floats: &mut self.floats[from..from + size],
                 planes: &mut planes[..size],
-                vertices: grid.vertex_count(),
+                columns: columns(&grid),
             });
             let planes = GridPlanes {
                 grid,
@@ -114,17 +182,26 @@ impl Run<'_> {
 struct Turn<'a> {
     floats: &'a mut [f32],
     planes: &'a mut [f32],
-    vertices: usize,
+    columns: usize,
 }
 
 impl Kernel for Turn<'_> {
     type Output = ();
     #[inline(always)]
     fn run<S: Simd>(self, _: S) {
-        let n = self.vertices;
-        let keys = self.floats.chunks_exact(3 * n);
-        for (points, planes) in keys.zip(self.planes.chunks_exact_mut(3 * n)) {
-            let (x, yz) = planes.split_at_mut(n);
+        let n = self.columns;
+        if n == 2 {
+            // Strands, whose rows are short.
+            let rows = self.planes.as_chunks_mut::<6>().0;
+            for (p, row) in self.floats.as_chunks::<6>().0.iter().zip(rows) {
+                *row = [p[0], p[3], p[1], p[4], p[2], p[5]];
+            }
+            self.floats.copy_from_slice(self.planes);
+            return;
+        }
+        let rows = self.floats.chunks_exact(3 * n);
+        for (points, row) in rows.zip(self.planes.chunks_exact_mut(3 * n)) {
+            let (x, yz) = row.split_at_mut(n);
             let (y, z) = yz.split_at_mut(n);
             let to = x.iter_mut().zip(y).zip(z);
             for (p, ((x, y), z)) in points.chunks_exact(3).zip(to) {
@@ -305,11 +382,22 @@ impl PlanarMesh {
     pub fn plane_start(&self, grid: &Grid, k: usize) -> usize {
         3 * (grid.first_vertex as usize * self.key_times.len() + k * grid.vertex_count())
     }
+    /// The lattice of a group of micropolygons of `grid`, the first of which is `(i, j)`, from key `k` on.
+    #[inline(always)]
+    pub(crate) fn lattice(&self, grid: &Grid, k: usize, i: u8, j: u8) -> Lattice<'_> {
+        let columns = columns(grid);
+        Lattice {
+            floats: &self.planes,
+            first: self.plane_start(grid, k) + usize::from(j) * 3 * columns + usize::from(i),
+            columns,
+            key: 3 * grid.vertex_count(),
+        }
+    }
     /// Position of vertex `i` of grid `g` at key `k`.
     pub fn position(&self, g: usize, k: usize, i: usize) -> Vec3 {
         let grid = &self.grids[g];
-        let (start, n) = (self.plane_start(grid, k), grid.vertex_count());
-        Vec3::from_array([0, 1, 2].map(|axis| self.planes[start + axis * n + i]))
+        let x = self.plane_start(grid, k) + x_of(grid, i);
+        Vec3::from_array([0, 1, 2].map(|axis| self.planes[x + axis * columns(grid)]))
     }
     /// Normals of grid `g` at key `k` (`k < normal_key_count`).
     pub fn grid_normals(&self, g: usize, k: usize) -> &[u32] {

@@ -25,7 +25,8 @@ use super::Hit;
 use super::object_ray::ObjectRay;
 use super::sides::Side;
 use crate::bvh::block::CellRect;
-use crate::grid::{Grid, PlanarMesh, locate_key};
+use crate::grid::planar::Lattice;
+use crate::grid::{PlanarMesh, locate_key};
 
 /// Cells of a full group: cell `(c, r)` of it has lane `4 r + c`, for the first of its triangles, and
 /// the second is this much later.
@@ -100,25 +101,22 @@ impl CellRay {
     }
 
     /// A group's vertices relative to the ray's origin, at its time, in the order of its axes:
-    /// [`crate::grid::lerp_position`], for all of them. `start` is where the group's first x is, at the ray's key.
+    /// [`crate::grid::lerp_position`], for all of them.
     #[inline(always)]
     fn relative<S: Simd, const MOVING: bool>(
         &self,
         simd: S,
-        mesh: &PlanarMesh,
-        grid: &Grid,
-        start: usize,
+        lattice: Lattice<'_>,
     ) -> [S::F16; 3] {
-        let (stride, n) = (usize::from(grid.nu) + 1, grid.vertex_count());
         let mut p;
         if MOVING {
             let next;
-            [p, next] = simd.lattices::<2>(mesh.planes(), start, stride, n, self.axes);
+            [p, next] = lattice.load::<S, 2>(simd, self.axes);
             for a in 0..3 {
                 p[a] = p[a] + (next[a] - p[a]) * simd.all16(self.fraction);
             }
         } else {
-            [p] = simd.lattices::<1>(mesh.planes(), start, stride, n, self.axes);
+            [p] = lattice.load::<S, 1>(simd, self.axes);
         }
         for (p, axis) in p.iter_mut().zip(self.axes) {
             *p = *p - simd.all16(self.origin[axis]);
@@ -141,10 +139,8 @@ impl CellRay {
         mut accept: impl FnMut(u32, CellHit),
     ) {
         let grid = &mesh.grids[g as usize];
-        let stride = usize::from(grid.nu) + 1;
-        let first = usize::from(rect.j) * stride + usize::from(rect.i);
-        let start = mesh.plane_start(grid, self.key) + first;
-        let [x, y, z] = self.relative::<S, MOVING>(simd, mesh, grid, start);
+        let lattice = mesh.lattice(grid, self.key, rect.i, rect.j);
+        let [x, y, z] = self.relative::<S, MOVING>(simd, lattice);
         let x = x - z * simd.all16(self.slope[0]);
         let y = y - z * simd.all16(self.slope[1]);
 

@@ -23,12 +23,11 @@ pub fn expect<S: Simd, const MOVING: bool>(
     key: u32,
 ) {
     let grid = &mesh.grids[g as usize];
-    let stride = usize::from(grid.nu) + 1;
-    let n = grid.vertex_count();
-    let first = usize::from(rect.j) * stride + usize::from(rect.i);
-    let start = mesh.plane_start(grid, key as usize) + first;
-    for plane in 0..if MOVING { 6 } else { 3 } {
-        simd.expect_lattice(mesh.planes(), start + plane * n, stride);
+    let lattice = mesh.lattice(grid, key as usize, rect.i, rect.j);
+    if MOVING {
+        lattice.expect::<S, 2>(simd);
+    } else {
+        lattice.expect::<S, 1>(simd);
     }
 }
 
@@ -95,23 +94,19 @@ impl Pairs {
         let grid = &mesh.grids[g as usize];
         let key = cells.key[one] as usize;
         let axes = axes_with(cells.z_axis[one]);
-        let stride = usize::from(grid.nu) + 1;
-        let n = grid.vertex_count();
-        let first = usize::from(rect.j) * stride + usize::from(rect.i);
-        let start = mesh.plane_start(grid, key) + first;
+        let lattice = mesh.lattice(grid, key, rect.i, rect.j);
         let mask = lane_mask(usize::from(rect.w), usize::from(rect.h));
         let place = Place {
             grid: g,
             nu: u32::from(grid.nu),
             first: u32::from(rect.j) * u32::from(grid.nu) + u32::from(rect.i),
         };
-        let planes = mesh.planes();
         let (p, step);
         if MOVING {
-            let [from, to] = simd.lattices::<2>(planes, start, stride, n, axes);
+            let [from, to] = lattice.load::<S, 2>(simd, axes);
             (p, step) = (from, [to[0] - from[0], to[1] - from[1], to[2] - from[2]]);
         } else {
-            [p] = simd.lattices::<1>(planes, start, stride, n, axes);
+            [p] = lattice.load::<S, 1>(simd, axes);
             step = p;
         }
         let mut count = self.count;

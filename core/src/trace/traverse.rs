@@ -369,18 +369,15 @@ impl<'a, S: Simd, B: Bounds8, const CULL: bool> Target<'a, S, B, CULL> {
     }
 }
 
-/// Says that the first and the last vertex of a small group will be asked for soon, at `key`.
+/// Says that the vertices of a small group will be asked for soon, at `key`.
 #[inline(always)]
 fn expect_group<S: Simd, B: Bounds8>(simd: S, mesh: &PlanarMesh, g: u32, rect: CellRect, key: u32) {
     let grid = &mesh.grids[g as usize];
-    let stride = usize::from(grid.nu) + 1;
-    let n = grid.vertex_count();
-    let first =
-        mesh.plane_start(grid, key as usize) + usize::from(rect.j) * stride + usize::from(rect.i);
-    let last = first + usize::from(rect.h) * stride + usize::from(rect.w);
-    for plane in 0..if B::KEYS { 6 } else { 3 } {
-        simd.expect(mesh.planes(), first + plane * n);
-        simd.expect(mesh.planes(), last + plane * n);
+    let lattice = mesh.lattice(grid, key as usize, rect.i, rect.j);
+    if B::KEYS {
+        lattice.expect::<S, 2>(simd);
+    } else {
+        lattice.expect::<S, 1>(simd);
     }
 }
 

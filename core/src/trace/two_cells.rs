@@ -11,6 +11,7 @@ use super::cell_rays::CellRays;
 use super::packet::{PACKET, axes_with};
 use crate::bvh::block::CellRect;
 use crate::grid::PlanarMesh;
+use crate::grid::planar::STRIP;
 
 /// Rays of a vector.
 const RAYS: usize = 8;
@@ -57,27 +58,19 @@ fn strip<S: Simd, const MOVING: bool, const DOWN: bool>(
     let grid = &mesh.grids[g as usize];
     let key = cells.key[one & (PACKET - 1)] as usize;
     let axes = axes_with(cells.z_axis[one & (PACKET - 1)]);
-    let stride = usize::from(grid.nu) + 1;
-    let n = grid.vertex_count();
-    let start = mesh.plane_start(grid, key) + usize::from(rect.j) * stride + usize::from(rect.i);
-    // `[axis][lane]`
-    let (mut p, mut step) = ([[0.0; 16]; 3], [[0.0; 16]; 3]);
-    if MOVING {
-        let [from, to] = simd.lattices::<2>(mesh.planes(), start, stride, n, axes);
-        for a in 0..3 {
-            (p[a], step[a]) = (from[a].to_array(), (to[a] - from[a]).to_array());
-        }
-    } else {
-        let [from] = simd.lattices::<1>(mesh.planes(), start, stride, n, axes);
-        for a in 0..3 {
-            p[a] = from[a].to_array();
-        }
-    }
-    // The second cell has two corners of the first.
-    let next = if DOWN { 4 } else { 1 };
-    let ([a, b, c], [.., d]) = (simd.corners(0), simd.corners(8));
-    let ([_, b2, c2], [.., d2]) = (simd.corners(next), simd.corners(8 + next));
-    let lanes = [a, b, c, d, c2, if DOWN { d2 } else { b2 }];
+    let lattice = mesh.lattice(grid, key, rect.i, rect.j);
+    let (mut places, mut next) = ([0.0; STRIP], [0.0; STRIP]);
+    let columns = if DOWN { 2 } else { 3 };
+    let p = lattice.strip(0, columns, &mut places);
+    let to = match MOVING {
+        true => lattice.strip(1, columns, &mut next),
+        false => p,
+    };
+    // Row and column of each corner; the second cell has two of the first.
+    let corners: [[usize; 2]; 6] = match DOWN {
+        true => [[0, 0], [0, 1], [1, 1], [1, 0], [2, 1], [2, 0]],
+        false => [[0, 0], [0, 1], [1, 1], [1, 0], [1, 2], [0, 2]],
+    };
     let second: [usize; 4] = if DOWN { [3, 2, 4, 5] } else { [1, 5, 4, 2] };
     let two = rect.w * rect.h == 2;
     let zero = simd.all8(0.0);
@@ -94,12 +87,13 @@ fn strip<S: Simd, const MOVING: bool, const DOWN: bool>(
         let [ox, oy, oz, fraction, slope_x, slope_y, ..] = simd.transposed(eight);
         let (mut x, mut y, mut z) = ([zero; 6], [zero; 6], [zero; 6]);
         for k in 0..6 {
-            let lane = lanes[k] & 15;
+            let [row, column] = corners[k];
             let mut corner = [ox, oy, oz];
             for a in 0..3 {
-                let mut at = simd.all8(p[a][lane]);
+                let x = (3 * row + axes[a].min(2)) * columns + column;
+                let mut at = simd.all8(p[x]);
                 if MOVING {
-                    at = at + simd.all8(step[a][lane]) * fraction;
+                    at = at + (simd.all8(to[x]) - at) * fraction;
                 }
                 corner[a] = at + corner[a];
             }

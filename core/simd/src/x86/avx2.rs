@@ -139,10 +139,10 @@ fn right(rows: __m256, ends: __m256) -> F256 {
 /// # Safety
 /// [`within`] did not panic for it.
 #[inline(always)]
-unsafe fn lattice_at(plane: &[f32], first: usize, stride: usize) -> Pair {
+unsafe fn lattice_at(floats: &[f32], first: usize, stride: usize) -> Pair {
     // SAFETY: AVX is there, as the module's text says; the rows are, as above.
     unsafe {
-        let r0 = plane.as_ptr().add(first);
+        let r0 = floats.as_ptr().add(first);
         let (r1, r2) = (r0.add(stride), r0.add(2 * stride));
         let near =
             _mm256_insertf128_ps::<1>(_mm256_castps128_ps256(_mm_loadu_ps(r0)), _mm_loadu_ps(r1));
@@ -351,31 +351,42 @@ impl Simd for Avx2 {
         expect(from, at);
     }
     #[inline(always)]
-    fn expect_lattice(self, plane: &[f32], first: usize, stride: usize) {
-        expect_lattice(plane, first, stride);
+    fn expect_lattices<const KEYS: usize>(
+        self,
+        floats: &[f32],
+        first: usize,
+        columns: usize,
+        key: usize,
+    ) {
+        for k in 0..KEYS {
+            expect_lattice(floats, first.wrapping_add(k * key), columns);
+        }
     }
     #[inline(always)]
-    fn lattice(self, plane: &[f32], first: usize, stride: usize) -> Pair {
-        within(plane, first, stride, (0, 0));
+    fn lattice(self, floats: &[f32], first: usize, stride: usize) -> Pair {
+        within(floats, first, stride, (0, 0));
         // SAFETY: `within` says that it is there.
-        unsafe { lattice_at(plane, first, stride) }
+        unsafe { lattice_at(floats, first, stride) }
     }
     #[inline(always)]
     fn lattices<const KEYS: usize>(
         self,
-        planes: &[f32],
+        floats: &[f32],
         first: usize,
-        stride: usize,
-        count: usize,
+        columns: usize,
+        key: usize,
         axes: [usize; 3],
     ) -> [[Pair; 3]; KEYS] {
-        within(planes, first, stride, (3 * KEYS - 1, count));
+        // So that no product wraps.
+        assert!(columns < 1 << 14 && key < 1 << 16);
+        let stride = 3 * columns;
+        within(floats, first, stride, (2 * columns, (KEYS - 1) * key));
         let mut out = [[self.all16(0.0); 3]; KEYS];
-        for (key, out) in out.iter_mut().enumerate() {
+        for (k, out) in out.iter_mut().enumerate() {
             for (out, axis) in out.iter_mut().zip(axes) {
-                let at = first + (3 * key + axis.min(2)) * count;
+                let at = first + k * key + axis.min(2) * columns;
                 // SAFETY: `within` says that the last lattice is there, and so those before it: `axis` is at most 2.
-                *out = unsafe { lattice_at(planes, at, stride) };
+                *out = unsafe { lattice_at(floats, at, stride) };
             }
         }
         out

@@ -55,22 +55,35 @@ pub(super) fn long_rows(plane: &[f32], at: [usize; 2]) -> [Pair; 2] {
 pub(super) const ROW: usize = 8;
 
 /// # Panics
-/// One of the lattices that begin at `first` and up to `more` steps of so many floats later is not in `planes`.
+/// A lattice that begins at `first`, or up to the sum of both numbers of floats later, is not in `floats`.
 #[inline(always)]
-pub(super) fn within(planes: &[f32], first: usize, stride: usize, (more, step): (usize, usize)) {
+pub(super) fn within(floats: &[f32], first: usize, stride: usize, later: (usize, usize)) {
     // So no sum below wraps.
-    assert!(stride < 1 << 16 && step < 1 << 16 && first < planes.len());
-    assert!(first + more * step + 2 * stride + ROW <= planes.len());
+    assert!(stride < 1 << 16 && later.0.max(later.1) < 1 << 16 && first < floats.len());
+    assert!(first + later.0 + later.1 + 2 * stride + ROW <= floats.len());
 }
 
-/// Brings rows of a lattice nearer, as [`Simd::expect_lattice`](crate::Simd::expect_lattice) says.
+/// Rows of a lattice, x, y and z of each.
+const LATTICE_ROWS: usize = 9;
+
+/// Brings the rows of a lattice at one key nearer, as [`Simd::expect_lattices`](crate::Simd::expect_lattices) says.
 #[inline(always)]
-pub(super) fn expect_lattice(plane: &[f32], first: usize, stride: usize) {
-    let row = plane.as_ptr().wrapping_add(first);
-    for row in [row, row.wrapping_add(stride), row.wrapping_add(2 * stride)] {
+pub(super) fn expect_lattice(floats: &[f32], first: usize, columns: usize) {
+    let row = floats.as_ptr().wrapping_add(first);
+    // What may be asked for of a narrow one is whole.
+    let all = LATTICE_ROWS * columns;
+    let (step, last) = match all * size_of::<f32>() <= 2 * LINE {
+        true => (LINE / size_of::<f32>(), all - 1),
+        false => (columns, all - columns),
+    };
+    let mut at = 0;
+    while at < last {
         // SAFETY: a hint reads nothing, wherever it points.
-        unsafe { _mm_prefetch::<_MM_HINT_T0>(row.cast()) };
+        unsafe { _mm_prefetch::<_MM_HINT_T0>(row.wrapping_add(at).cast()) };
+        at += step;
     }
+    // SAFETY: as above.
+    unsafe { _mm_prefetch::<_MM_HINT_T0>(row.wrapping_add(last).cast()) };
 }
 
 /// Bytes of a line of the processor's caches.
