@@ -26,6 +26,8 @@ pub trait Hull: Clone + Copy + Send + Sync {
     fn unless<S: Simd>(bounds: Self::In<S>, by: S::F8) -> Self::In<S>;
     /// As [`LinearBox::centre4`], in lanes 0 to 2, and mirrored in lanes 4 to 6; 0 in the others.
     fn centre4<S: Simd>(simd: S, bounds: Self::In<S>) -> S::F8;
+    /// How far the centre goes over the shutter, in the lanes and the units of [`Hull::centre4`]; 0 where nothing moves.
+    fn drift4<S: Simd>(simd: S, bounds: Self::In<S>) -> S::F8;
     /// Extents in lanes 0 to 2, the mean over the shutter.
     fn extents<S: Simd>(simd: S, bounds: Self::In<S>) -> S::F8;
     /// As [`LinearBox::mean_half_area`].
@@ -130,6 +132,10 @@ impl Hull for StaticHull {
         sum + sum
     }
     #[inline(always)]
+    fn drift4<S: Simd>(simd: S, _: S::F8) -> S::F8 {
+        simd.all8(0.0)
+    }
+    #[inline(always)]
     fn extents<S: Simd>(simd: S, bounds: S::F8) -> S::F8 {
         -mirrored_extents(simd, bounds)
     }
@@ -191,6 +197,12 @@ impl Hull for LinearHull {
     fn centre4<S: Simd>(simd: S, [start, end]: [S::F8; 2]) -> S::F8 {
         let [a, b] = [simd.halves_swapped(start), simd.halves_swapped(end)];
         (start - a) + (end - b)
+    }
+    #[inline(always)]
+    fn drift4<S: Simd>(simd: S, [start, end]: [S::F8; 2]) -> S::F8 {
+        let [a, b] = [simd.halves_swapped(start), simd.halves_swapped(end)];
+        let drift = (end - b) - (start - a);
+        drift + drift
     }
     #[inline(always)]
     fn extents<S: Simd>(simd: S, [start, end]: [S::F8; 2]) -> S::F8 {

@@ -103,11 +103,7 @@ impl CellRay {
     /// A group's vertices relative to the ray's origin, at its time, in the order of its axes:
     /// [`crate::grid::lerp_position`], for all of them.
     #[inline(always)]
-    fn relative<S: Simd, const MOVING: bool>(
-        &self,
-        simd: S,
-        lattice: Lattice<'_>,
-    ) -> [S::F16; 3] {
+    fn relative<S: Simd, const MOVING: bool>(&self, simd: S, lattice: Lattice<'_>) -> [S::F16; 3] {
         let mut p;
         if MOVING {
             let next;
