@@ -197,7 +197,7 @@ fn check_object(mesh: DicedMesh, times: &[f32]) -> Result<BvhStats, String> {
         .map(|g| mesh.grids[g].vertex_count())
         .sum();
     let dropped = there.iter().filter(|&&there| !there).count() as u64;
-    let reach = mesh.planes().iter().fold(0.0, |a: f32, x| a.max(x.abs()));
+    let reach = mesh.floats().iter().fold(0.0, |a: f32, x| a.max(x.abs()));
     let may_drop = reach > (1u64 << 57) as f32;
     if found.len() != all || dropped != object.stats().dropped_grids || (dropped > 0 && !may_drop) {
         return Err(format!("{} of {} vertices", found.len(), mesh.vertex_count));

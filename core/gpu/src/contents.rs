@@ -11,7 +11,7 @@ pub struct Contents {
     /// Nodes and blocks.
     pub nodes: Vec<[u32; 4]>,
     /// Vertices.
-    pub planes: Vec<f32>,
+    pub vertices: Vec<f32>,
     /// Grids, key times and frames.
     pub words: Vec<u32>,
     /// Objects.
@@ -37,10 +37,10 @@ impl GpuScene {
     /// The device failed or is lost.
     pub fn contents(&self, device: &Device) -> Result<Vec<Contents>, GpuError> {
         let page = |page: &super::scene::Page| {
-            let [nodes, planes, words, objects, ..] = &page.group;
+            let [nodes, vertices, words, objects, ..] = &page.group;
             Ok(Contents {
                 nodes: whole(device, nodes)?,
-                planes: whole(device, planes)?,
+                vertices: whole(device, vertices)?,
                 words: whole(device, words)?,
                 objects: whole(device, objects)?,
                 stack: page.permutation.stack,

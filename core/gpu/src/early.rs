@@ -190,23 +190,23 @@ impl EarlyVertices {
 
 impl Watcher for EarlyVertices {
     fn diced(&self, object: &Arc<ObjectGeometry>) {
-        let planes = object.mesh().planes();
-        let bytes = size_of_val(planes) as u64;
+        let vertices = object.mesh().floats();
+        let bytes = size_of_val(vertices) as u64;
         let mut state = self.state();
         state.bytes.beside = state.bytes.uploaded;
         let is_too_large =
             bytes > self.device.largest() || state.admitted + bytes > self.limits.most;
-        if state.closed || planes.is_empty() || is_too_large {
+        if state.closed || vertices.is_empty() || is_too_large {
             return;
         }
         state.admitted += bytes;
         let known = Arc::downgrade(object);
         if bytes >= self.limits.chunk {
             drop(state);
-            return self.upload(planes, vec![(known, 0..planes.len())]);
+            return self.upload(vertices, vec![(known, 0..vertices.len())]);
         }
         let first = state.waiting.len();
-        state.waiting.extend_from_slice(planes);
+        state.waiting.extend_from_slice(vertices);
         let range = first..state.waiting.len();
         state.objects.push((known, range));
         if size_of_val(&state.waiting[..]) as u64 >= self.limits.chunk {

@@ -22,7 +22,7 @@ use super::scene::{block_words, node_words};
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Size {
     nodes: u64,
-    planes: u64,
+    vertices: u64,
     words: u64,
     instances: u64,
     matrices: u64,
@@ -34,20 +34,20 @@ impl Size {
     fn most(&self) -> u64 {
         let Self {
             nodes,
-            planes,
+            vertices,
             words,
             instances,
             matrices,
             paints,
         } = *self;
-        let trees = nodes.max(planes).max(words);
+        let trees = nodes.max(vertices).max(words);
         trees.max(instances).max(matrices).max(paints)
     }
 
     fn plus(&self, o: &Self, times: u64) -> Self {
         Self {
             nodes: self.nodes + o.nodes * times,
-            planes: self.planes + o.planes * times,
+            vertices: self.vertices + o.vertices * times,
             words: self.words + o.words * times,
             instances: self.instances + o.instances * times,
             matrices: self.matrices + o.matrices * times,
@@ -254,7 +254,7 @@ fn centre(mesh: &PlanarMesh, g: usize) -> Vec3 {
 fn grid_size(grid: &Grid, mesh: &PlanarMesh, nodes: u64, paint: Paint) -> Size {
     Size {
         nodes,
-        planes: 12 * (grid.vertex_count() * mesh.key_count()) as u64,
+        vertices: 12 * (grid.vertex_count() * mesh.key_count()) as u64,
         words: (size_of::<GridHeader>() + size_of::<u32>()) as u64,
         paints: grid.vertex_count() as u64 * paint.a_vertex + paint.a_grid,
         ..Size::default()
@@ -309,7 +309,7 @@ fn whole(object: &ObjectGeometry, paint: Paint) -> Size {
     let frames = (stats.oriented_nodes + stats.oriented_blocks) * u64::from(frame);
     Size {
         nodes: spare * (stats.nodes * bytes(node) + stats.blocks * bytes(block)),
-        planes: size_of_val(mesh.planes()) as u64,
+        vertices: size_of_val(mesh.floats()) as u64,
         words: (size_of::<GridHeader>() * mesh.grids.len()) as u64 + spare * 4 * frames,
         paints: mesh.vertex_count as u64 * paint.a_vertex + mesh.grids.len() as u64 * paint.a_grid,
         ..Size::default()

@@ -89,7 +89,7 @@ pub(crate) struct Made {
 
 pub(crate) struct Arrays {
     pub nodes: Vec<Unit>,
-    pub planes: Vertices,
+    pub vertices: Vertices,
     pub words: Vec<u32>,
     pub objects: Vec<Object>,
     instances: Vec<Instance>,
@@ -293,13 +293,13 @@ impl Page {
         let need = deepest + need;
         let start = Start { root, need };
         start.stack()?;
-        if arrays.nodes.len() >= MOVES as usize || u32::try_from(arrays.planes.len()).is_err() {
+        if arrays.nodes.len() >= MOVES as usize || u32::try_from(arrays.vertices.len()).is_err() {
             let what = "more than 2^30 units of nodes or 2^32 coordinates".to_owned();
             return Err(GpuError::Unsupported(what));
         }
         let trees = [
             upload(device, most, "nodes", bytemuck::cast_slice(&arrays.nodes))?,
-            std::mem::take(&mut arrays.planes).upload(device, most)?,
+            std::mem::take(&mut arrays.vertices).upload(device, most)?,
             upload(device, most, "grids", bytemuck::cast_slice(&arrays.words))?,
         ];
         Self::of(device, (world, numbers), &arrays, trees, start, most)
@@ -310,7 +310,7 @@ impl Page {
         device: &Device,
         (world, numbers): (&World, &[InWhole]),
         arrays: &Arrays,
-        [nodes, planes, words]: [wgpu::Buffer; 3],
+        [nodes, vertices, words]: [wgpu::Buffer; 3],
         start: Start,
         most: u64,
     ) -> Result<Self, GpuError> {
@@ -319,7 +319,7 @@ impl Page {
         let matrices = bytemuck::cast_slice(&arrays.matrices);
         let group = [
             nodes,
-            planes,
+            vertices,
             words,
             upload(device, most, "objects", objects)?,
             upload(device, most, "instances", instances)?,
@@ -369,7 +369,7 @@ impl Arrays {
     pub fn new() -> Self {
         Self {
             nodes: Vec::new(),
-            planes: Vertices::default(),
+            vertices: Vertices::default(),
             // Place 0 is the identity's frame.
             words: vec![0],
             objects: Vec::new(),
@@ -498,14 +498,14 @@ impl Arrays {
         self.objects.push(Object {
             root,
             grids,
-            planes: self.planes.len() as u32,
+            vertices: self.vertices.len() as u32,
             key_times,
             key_count: mesh.key_count() as u32,
             radius,
             numbers,
             grid_count: mesh.grids.len() as u32,
         });
-        self.planes.add(mesh, there);
+        self.vertices.add(mesh, there);
     }
 
     /// Adds key times, which instances of a set share.

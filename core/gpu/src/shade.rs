@@ -296,11 +296,11 @@ impl Shader {
                 layer: layer.number as u32,
             };
             let launch = device.uniform("launch", &launch)?;
-            let [_, planes, words, objects, instanced, matrices] = &page.group;
+            let [_, vertices, words, objects, instanced, matrices] = &page.group;
             let mut batch = buffers.to_vec();
             batch.insert(2, &launch);
             let groups: [&[&wgpu::Buffer]; 3] = [
-                &[planes, words, objects, instanced, matrices],
+                &[vertices, words, objects, instanced, matrices],
                 &[own, paints, &camera.camera, &camera.tables],
                 &batch,
             ];

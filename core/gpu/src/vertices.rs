@@ -31,12 +31,12 @@ impl Vertices {
 
     /// Adds those of a mesh, which may be on the device.
     pub fn add(&mut self, mesh: &PlanarMesh, there: Option<There>) {
-        let planes = mesh.planes();
+        let vertices = mesh.floats();
         match there {
             Some(there) => self.there.push((self.here.len(), there)),
-            None => self.here.extend_from_slice(planes),
+            None => self.here.extend_from_slice(vertices),
         }
-        self.len += planes.len();
+        self.len += vertices.len();
     }
 
     /// Makes the array on the device, of no more than `most` bytes.

@@ -103,10 +103,11 @@ fn same(
     let [expected, found] = [expected, found].map(|scene| scene.contents(device));
     let (expected, found) = (expected?, found?);
     for (number, (a, b)) in expected.iter().zip(&found).enumerate() {
-        let bits = |planes: &[f32]| -> Vec<u32> { planes.iter().map(|x| x.to_bits()).collect() };
+        let bits =
+            |vertices: &[f32]| -> Vec<u32> { vertices.iter().map(|x| x.to_bits()).collect() };
         let same = [
             a.nodes == b.nodes,
-            bits(&a.planes) == bits(&b.planes),
+            bits(&a.vertices) == bits(&b.vertices),
             a.words == b.words,
             a.objects == b.objects,
             (a.root, a.stack) == (b.root, b.stack),
@@ -224,7 +225,7 @@ fn beside_dicing(device: &Arc<Device>) -> Result<(), Failed> {
     let sets = prepared.world().parts();
     let last = sets
         .sets()
-        .map(|set| size_of_val(set.object().mesh().planes()) as u64);
+        .map(|set| size_of_val(set.object().mesh().floats()) as u64);
     match last.max() {
         Some(largest) if bytes.uploaded > largest && bytes.beside >= bytes.uploaded - largest => {
             Ok(())
@@ -308,7 +309,7 @@ fn objects_that_are_gone(device: &Arc<Device>) -> Result<(), Failed> {
     let expected = GpuScene::build(&builder, prepared.world(), &options)?;
     let found = GpuScene::build_early(&builder, prepared.world(), &options, &early)?;
     let [expected, found] = [expected, found].map(|scene| scene.contents(device));
-    let same = expected?[0].planes == found?[0].planes;
+    let same = expected?[0].vertices == found?[0].vertices;
     match same && early.bytes().used == 0 && early.bytes().uploaded > 0 {
         true => Ok(()),
         false => Err(format!("{:?}", early.bytes()).into()),

@@ -14,7 +14,7 @@ use super::group8::{Groups, Vertices, boxes, boxes_in};
 use super::lanes::{Boxes8, Ranges8};
 use super::turn::{Between, Pose, Turning};
 use super::{Bounds8, COORDINATE_LIMIT, Frame, LinearBox};
-use crate::grid::planar::GridPlanes;
+use crate::grid::planar::GridRows;
 use crate::grid::{Grid, PlanarMesh};
 
 /// What a ray that is turned into a block's frame costs, in units of what it costs at one group that it meets. Only the choice
@@ -44,20 +44,20 @@ pub struct BuiltBlock<B: Bounds8> {
 }
 
 /// True when all coordinates of a grid's vertices are finite, and within [`COORDINATE_LIMIT`].
-pub fn is_bounded(level: Level, planes: &GridPlanes<'_>) -> bool {
-    level.run(Limit(planes.coordinates()))
+pub fn is_bounded(level: Level, rows: &GridRows<'_>) -> bool {
+    level.run(Limit(rows.coordinates()))
 }
 
 /// Bounds the groups of a block in the frame that costs least, or with `upright` along the axes of space, unless its halves
 /// cost less. The grid [is bounded](is_bounded).
 pub fn bound<B: Bounds8>(
     level: Level,
-    planes: &GridPlanes<'_>,
+    rows: &GridRows<'_>,
     span: Span,
     upright: bool,
 ) -> Bounded<B> {
     level.run(Bound {
-        planes,
+        rows,
         span,
         upright,
         whole: false,
@@ -68,11 +68,11 @@ pub fn bound<B: Bounds8>(
 /// The same for a block that is not halved, whatever its halves cost. None where bounds are beyond [`COORDINATE_LIMIT`].
 pub fn bound_whole<B: Bounds8>(
     level: Level,
-    planes: &GridPlanes<'_>,
+    rows: &GridRows<'_>,
     span: Span,
 ) -> Option<BuiltBlock<B>> {
     let bounded = level.run(Bound {
-        planes,
+        rows,
         span,
         upright: false,
         whole: true,
@@ -86,8 +86,8 @@ pub fn bound_whole<B: Bounds8>(
 
 /// Axis-aligned bounds of the [loose groups](loose) of a grid that [is bounded](is_bounded), as many as
 /// [`loose_count`] says. None where bounds are beyond [`COORDINATE_LIMIT`].
-pub fn bound_loose(level: Level, planes: &GridPlanes<'_>) -> Option<[LinearBox; GROUPS]> {
-    level.run(BoundLoose { planes })
+pub fn bound_loose(level: Level, rows: &GridRows<'_>) -> Option<[LinearBox; GROUPS]> {
+    level.run(BoundLoose { rows })
 }
 
 /// Bounds in a frame of 1 to [`GROUPS`] groups of grids whose vertices are finite and within
@@ -125,7 +125,7 @@ impl Kernel for Limit<'_> {
 }
 
 struct Bound<'a, B> {
-    planes: &'a GridPlanes<'a>,
+    rows: &'a GridRows<'a>,
     span: Span,
     upright: bool,
     /// It is not halved.
@@ -139,28 +139,28 @@ impl<B: Bounds8> Kernel for Bound<'_, B> {
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) -> Bounded<B> {
         let Self {
-            planes,
+            rows,
             span,
             upright,
             whole: keep,
             ..
         } = self;
-        let groups = Groups::of_block(&planes.grid, &span);
+        let groups = Groups::of_block(&rows.grid, &span);
         let vertices = Vertices {
-            planes: planes.planes,
-            key_times: planes.key_times,
+            floats: rows.floats,
+            key_times: rows.key_times,
             moving: B::MOVING,
             one_grid: true,
         };
         let mut best = boxes(simd, vertices, &groups, None);
         let aabb = best.hull();
         // Bounds at inner keys may have raised them.
-        let raised = B::MOVING && planes.key_times.len() > 2;
+        let raised = B::MOVING && rows.key_times.len() > 2;
         if raised && !(aabb.is_finite() && aabb.max_abs() < COORDINATE_LIMIT) {
             return Bounded::Absurd;
         }
         let whole = aabb.mean_half_area();
-        let (u, v) = lattice_edges(planes, &span);
+        let (u, v) = lattice_edges(rows, &span);
         let surface = u.cross(v).length();
         // Boxes of the halves have at least the area of the surface, more or less.
         if !keep
@@ -176,7 +176,7 @@ impl<B: Bounds8> Kernel for Bound<'_, B> {
         // So have boxes of any frame: where that saves nothing, none is tried.
         if !upright
             && surface + turn < cost
-            && let Some(candidate) = turning_of::<B::Turning>(planes, &span, (u, v))
+            && let Some(candidate) = turning_of::<B::Turning>(rows, &span, (u, v))
         {
             let turned = boxes_in(simd, vertices, &groups, &candidate);
             if turned.area(simd, B::MOVING, span.count) + turn < cost {
@@ -209,11 +209,11 @@ impl<T: Turning> Kernel for BoundGroups<'_, T> {
         let mut groups = Groups::default();
         for (slot, &(grid, rect)) in self.groups.iter().enumerate() {
             let grid = &self.mesh.grids[grid as usize];
-            groups.put(slot, self.mesh.plane_start(grid, 0), grid, rect);
+            groups.put(slot, self.mesh.first_float(grid, 0), grid, rect);
         }
         let groups = groups.filled(self.groups.len() as u8);
         let vertices = Vertices {
-            planes: self.mesh.planes(),
+            floats: self.mesh.floats(),
             key_times: &self.mesh.key_times,
             moving: self.mesh.is_moving(),
             one_grid: false,
@@ -223,7 +223,7 @@ impl<T: Turning> Kernel for BoundGroups<'_, T> {
 }
 
 struct BoundLoose<'a> {
-    planes: &'a GridPlanes<'a>,
+    rows: &'a GridRows<'a>,
 }
 
 impl Kernel for BoundLoose<'_> {
@@ -231,16 +231,16 @@ impl Kernel for BoundLoose<'_> {
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) -> Option<[LinearBox; GROUPS]> {
-        let grid: &Grid = &self.planes.grid;
+        let grid: &Grid = &self.rows.grid;
         let count = loose_count(grid);
         let mut groups = Groups::default();
         for slot in 0..count {
             groups.put(slot, 0, grid, loose(grid, slot as u32));
         }
         let vertices = Vertices {
-            planes: self.planes.planes,
-            key_times: self.planes.key_times,
-            moving: self.planes.key_times.len() > 1,
+            floats: self.rows.floats,
+            key_times: self.rows.key_times,
+            moving: self.rows.key_times.len() > 1,
             one_grid: true,
         };
         let found = boxes(simd, vertices, &groups.filled(count as u8), None);
@@ -293,12 +293,12 @@ fn part<S: Simd>(simd: S, boxes: &Boxes8<S::F8>, lanes: <S::F8 as Float<8>>::Mas
 
 /// The frame along a block's edges, which are given as they are at its middle key; one that follows them where such turn.
 #[inline(always)]
-fn turning_of<T: Turning>(planes: &GridPlanes<'_>, span: &Span, (u, v): (Vec3, Vec3)) -> Option<T> {
-    let keys = planes.key_times.len();
+fn turning_of<T: Turning>(rows: &GridRows<'_>, span: &Span, (u, v): (Vec3, Vec3)) -> Option<T> {
+    let keys = rows.key_times.len();
     if !T::TURNS || keys < 2 {
         return frame_of(u, v, span).map(T::fixed);
     }
-    let corners = [corners(planes, span, 0), corners(planes, span, keys - 1)];
+    let corners = [corners(rows, span, 0), corners(rows, span, keys - 1)];
     let [[u0, v0], [u1, v1]] = [edges(corners[0]), edges(corners[1])];
     let along_u = runs_along_u((u0 + u1, v0 + v1), span);
     let [start, end] = [
@@ -308,22 +308,22 @@ fn turning_of<T: Turning>(planes: &GridPlanes<'_>, span: &Span, (u, v): (Vec3, V
     if keys == 2 {
         return Some(T::between(&start, &end));
     }
-    through(planes, span, (&start, &end), (u, v))
+    through(rows, span, (&start, &end), (u, v))
 }
 
 /// The same between the poses at both ends of the shutter, with more than two keys.
 #[inline(never)]
 fn through<T: Turning>(
-    planes: &GridPlanes<'_>,
+    rows: &GridRows<'_>,
     span: &Span,
     (start, end): (&Pose, &Pose),
     (u, v): (Vec3, Vec3),
 ) -> Option<T> {
     let rest = frame_of(u, v, span)?;
-    let times = planes.key_times;
+    let times = rows.key_times;
     let inner = times.iter().enumerate().take(times.len() - 1).skip(1);
     let inner = inner.map(|(k, &time)| {
-        let corners = corners(planes, span, k);
+        let corners = corners(rows, span, k);
         Between {
             time,
             edges: edges(corners),
@@ -374,17 +374,17 @@ fn frame_along(u: Vec3, v: Vec3, along_u: bool) -> Option<Frame> {
 
 /// The block's edges along u and v, each the mean of the two that face each other, at the middle key: of two, the last.
 #[inline(always)]
-fn lattice_edges(planes: &GridPlanes<'_>, span: &Span) -> (Vec3, Vec3) {
-    let [u, v] = edges(corners(planes, span, planes.key_times.len() / 2));
+fn lattice_edges(rows: &GridRows<'_>, span: &Span) -> (Vec3, Vec3) {
+    let [u, v] = edges(corners(rows, span, rows.key_times.len() / 2));
     (u, v)
 }
 
 /// Corners of a block at a key, u the faster.
 #[inline(always)]
-fn corners(planes: &GridPlanes<'_>, span: &Span, key: usize) -> [Vec3; 4] {
-    let stride = usize::from(planes.grid.nu) + 1;
+fn corners(rows: &GridRows<'_>, span: &Span, key: usize) -> [Vec3; 4] {
+    let stride = usize::from(rows.grid.nu) + 1;
     let [i, j, w, h] = [span.rect.i, span.rect.j, span.rect.w, span.rect.h].map(usize::from);
-    let at = |x: usize, y: usize| planes.position(key, (j + y) * stride + i + x);
+    let at = |x: usize, y: usize| rows.position(key, (j + y) * stride + i + x);
     [at(0, 0), at(w, 0), at(0, h), at(w, h)]
 }
 

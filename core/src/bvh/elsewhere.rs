@@ -20,16 +20,16 @@ pub enum Items<B: Bounds8> {
 /// The items of grid `g`, which is sound; none where a vertex or a bound cannot be traced: a grid is traced whole or not at all.
 pub fn items<B: Bounds8>(mesh: &PlanarMesh, g: usize) -> Option<Items<B>> {
     let level = Level::best();
-    let planes = mesh.grid_planes(g);
-    if !is_bounded(level, &planes) {
+    let rows = mesh.grid_rows(g);
+    if !is_bounded(level, &rows) {
         return None;
     }
-    let (number, grid) = (g as u32, &planes.grid);
+    let (number, grid) = (g as u32, &rows.grid);
     if (block::is_small(grid) || block::is_strip(grid)) && number < LOOSE_GRIDS {
-        let boxes = bound_loose(level, &planes)?;
+        let boxes = bound_loose(level, &rows)?;
         return Some(Items::Loose(boxes[..block::loose_count(grid)].to_vec()));
     }
     let spans = block::cut(number, grid);
-    let blocks = spans.map(|span| bound_whole(level, &planes, span));
+    let blocks = spans.map(|span| bound_whole(level, &rows, span));
     blocks.collect::<Option<_>>().map(Items::Blocks)
 }

@@ -6,7 +6,7 @@
 //! saved. All other grids are cut into blocks ([`super::block`]).
 //!
 //! Runs of grids are gathered in parallel, each while its vertices are near: right after they were turned
-//! into planes.
+//! into rows.
 
 use hdtrapeze_simd::Level;
 
@@ -18,7 +18,7 @@ use super::orient::Piece;
 use super::sorted::Sorted;
 use super::turn::Turning;
 use super::{Bounds8, LinearBox};
-use crate::grid::planar::{GridPlanes, Run};
+use crate::grid::planar::{GridRows, Run};
 use crate::grid::{DicedMesh, PlanarMesh};
 
 /// A strip is cut loose where the boxes of its groups have less than this part of its own area together.
@@ -42,14 +42,14 @@ pub struct Part<B: Bounds8> {
     pub reach: f64,
 }
 
-/// Turns a mesh into planes, and gathers all its grids, with `upright` without frames; those that are not sound are left out.
+/// Turns a mesh into rows, and gathers all its grids, with `upright` without frames; those that are not sound are left out.
 pub fn gather<B: Bounds8>(mesh: DicedMesh, upright: bool) -> (PlanarMesh, Vec<Part<B>>) {
     let level = Level::best();
     PlanarMesh::turned(mesh, |run: Run<'_>| {
         let mut part = Part::new(run.vertex_count());
         let mut spans = Vec::new();
-        run.turn(level, |g, planes| {
-            let added = planes.and_then(|planes| part.add(level, g, &planes, &mut spans, upright));
+        run.turn(level, |g, rows| {
+            let added = rows.and_then(|rows| part.add(level, g, &rows, &mut spans, upright));
             part.dropped += u64::from(added.is_none());
         });
         part
@@ -76,17 +76,17 @@ impl<B: Bounds8> Part<B> {
         &mut self,
         level: Level,
         g: u32,
-        planes: &GridPlanes<'_>,
+        rows: &GridRows<'_>,
         spans: &mut Vec<Span>,
         upright: bool,
     ) -> Option<()> {
-        if !is_bounded(level, planes) {
+        if !is_bounded(level, rows) {
             return None;
         }
-        let grid = &planes.grid;
+        let grid = &rows.grid;
         let small = block::is_small(grid);
         if (small || block::is_strip(grid)) && g < LOOSE_GRIDS {
-            let boxes = bound_loose(level, planes)?;
+            let boxes = bound_loose(level, rows)?;
             let boxes = &boxes[..block::loose_count(grid)];
             let whole = boxes.iter().fold(LinearBox::EMPTY, |a, b| a.union(b));
             let area: f32 = boxes.iter().map(LinearBox::mean_half_area).sum();
@@ -100,8 +100,8 @@ impl<B: Bounds8> Part<B> {
                         return Sorted::of(&item);
                     }
                     let rect = block::loose(grid, slot);
-                    let ends = [0, planes.key_times.len() - 1];
-                    Sorted::along(&item, ends.map(|k| Piece::of(planes, rect, k).edge))
+                    let ends = [0, rows.key_times.len() - 1];
+                    Sorted::along(&item, ends.map(|k| Piece::of(rows, rect, k).edge))
                 });
                 self.items.extend(items);
                 self.strips += if small { 0 } else { boxes.len() };
@@ -114,7 +114,7 @@ impl<B: Bounds8> Part<B> {
         spans.extend(block::cut(g, grid));
         spans.reverse();
         while let Some(span) = spans.pop() {
-            let built = match bound::<B>(level, planes, span, upright) {
+            let built = match bound::<B>(level, rows, span, upright) {
                 Bounded::Block(built) => built,
                 Bounded::Halve => {
                     let [near, far] = block::halved(span);

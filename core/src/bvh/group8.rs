@@ -34,7 +34,7 @@ pub struct Groups {
 }
 
 impl Groups {
-    /// Sets a group of a grid whose planes begin at `start`.
+    /// Sets a group of a grid whose floats begin at `start`.
     #[inline(always)]
     pub fn put(&mut self, slot: usize, start: usize, grid: &Grid, rect: CellRect) {
         let columns = usize::from(grid.nu) + 1;
@@ -66,7 +66,7 @@ impl Groups {
         self
     }
 
-    /// The groups of a block, whose grid's planes begin at 0.
+    /// The groups of a block, whose grid's floats begin at 0.
     #[inline(always)]
     pub fn of_block(grid: &Grid, span: &Span) -> Self {
         let mut groups = Self::default();
@@ -94,8 +94,8 @@ impl Groups {
 /// What is bounded.
 #[derive(Clone, Copy)]
 pub struct Vertices<'a> {
-    /// Planes of one grid, or of all.
-    pub planes: &'a [f32],
+    /// Coordinates of one grid, or of all.
+    pub floats: &'a [f32],
     /// Key times across the shutter.
     pub key_times: &'a [f32],
     /// There may be more keys than one.
@@ -401,21 +401,17 @@ fn row_at<S: Simd>(
     ];
     if vertices.one_grid {
         let n = groups.columns[0];
-        let x = &vertices.planes[k * groups.key[0]..];
-        let planes = [x, &x[n..], &x[2 * n..]];
+        let x = &vertices.floats[k * groups.key[0]..];
+        let [x, y, z] = [x, &x[n..], &x[2 * n..]];
         if groups.pairs {
             let at = [at[0], at[2]];
             [
-                simd.long_rows(planes[0], at),
-                simd.long_rows(planes[1], at),
-                simd.long_rows(planes[2], at),
+                simd.long_rows(x, at),
+                simd.long_rows(y, at),
+                simd.long_rows(z, at),
             ]
         } else {
-            [
-                simd.rows(planes[0], at),
-                simd.rows(planes[1], at),
-                simd.rows(planes[2], at),
-            ]
+            [simd.rows(x, at), simd.rows(y, at), simd.rows(z, at)]
         }
     } else {
         let c = &groups.columns;
@@ -426,9 +422,9 @@ fn row_at<S: Simd>(
         }
         let y = plus(at, step);
         [
-            simd.rows(vertices.planes, at),
-            simd.rows(vertices.planes, y),
-            simd.rows(vertices.planes, plus(y, step)),
+            simd.rows(vertices.floats, at),
+            simd.rows(vertices.floats, y),
+            simd.rows(vertices.floats, plus(y, step)),
         ]
     }
 }

@@ -304,7 +304,7 @@ impl<B: Bounds8> Blocks<B> {
     }
 }
 
-/// Turns a mesh into planes and builds the tree over it, of full nodes where `full`, or where that costs no time; without
+/// Turns a mesh into rows and builds the tree over it, of full nodes where `full`, or where that costs no time; without
 /// frames where `upright`.
 pub(super) fn build_blocks<B: Bounds8>(mesh: DicedMesh, full: bool, upright: bool) -> Blocks<B> {
     let (mesh, parts): (PlanarMesh, Vec<Part<B>>) = gather(mesh, upright);

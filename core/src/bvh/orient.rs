@@ -21,7 +21,7 @@ use super::split::Extent;
 use super::turn::{Between, Pose, Turning};
 use super::{Bounds8, Frame};
 use crate::grid::PlanarMesh;
-use crate::grid::planar::GridPlanes;
+use crate::grid::planar::GridRows;
 
 /// Most items of a range that is tried.
 pub const MOST_ITEMS: usize = 2048;
@@ -83,11 +83,11 @@ impl Strands<'_> {
         let mut sums = vec![Piece::default(); times.len()];
         for item in items {
             let (grid, slot) = loose_group(item.id())?;
-            let planes = self.mesh.grid_planes(grid as usize);
-            let rect = loose(&planes.grid, slot);
+            let rows = self.mesh.grid_rows(grid as usize);
+            let rect = loose(&rows.grid, slot);
             let back = item.direction()[0].dot(along) < 0.0;
             for (k, sum) in sums.iter_mut().enumerate() {
-                let own = Piece::of(&planes, rect, k);
+                let own = Piece::of(&rows, rect, k);
                 sum.edge += if back { -own.edge } else { own.edge };
                 sum.middle += own.middle;
             }
@@ -162,16 +162,16 @@ pub struct Piece {
 
 impl Piece {
     /// Of a group of these micropolygons.
-    pub fn of(planes: &GridPlanes<'_>, rect: CellRect, key: usize) -> Self {
-        let stride = usize::from(planes.grid.nu) + 1;
+    pub fn of(rows: &GridRows<'_>, rect: CellRect, key: usize) -> Self {
+        let stride = usize::from(rows.grid.nu) + 1;
         let [i, j, w, h] = [rect.i, rect.j, rect.w, rect.h].map(usize::from);
         let from = j * stride + i;
-        let to = if planes.grid.nu == 1 {
+        let to = if rows.grid.nu == 1 {
             from + h * stride
         } else {
             from + w
         };
-        let [from, to] = [from, to].map(|i| planes.position(key, i));
+        let [from, to] = [from, to].map(|i| rows.position(key, i));
         Self {
             edge: to - from,
             middle: (from + to) * 0.5,

@@ -5,7 +5,7 @@ use hdtrapeze_simd::Level;
 
 use super::bound::is_bounded;
 use super::{COORDINATE_LIMIT, LinearBox};
-use crate::grid::planar::{GridPlanes, Run};
+use crate::grid::planar::{GridRows, Run};
 use crate::grid::{DicedMesh, PlanarMesh};
 
 /// How much farther than vertices any tree over them may store bounds: 3 times where keys inside the shutter raise a chord that
@@ -15,7 +15,7 @@ pub const STORED: f32 = 6.0;
 
 /// See the module's text.
 pub struct Outline {
-    /// The mesh, turned into planes.
+    /// The mesh, turned into rows.
     pub mesh: PlanarMesh,
     /// Contains all grids that can be traced, at all times.
     pub bounds: LinearBox,
@@ -23,13 +23,13 @@ pub struct Outline {
     pub dropped: u64,
 }
 
-/// Turns a mesh into planes and bounds its grids, in parallel.
+/// Turns a mesh into rows and bounds its grids, in parallel.
 pub fn outline(mesh: DicedMesh) -> Outline {
     let level = Level::best();
     let (mesh, parts) = PlanarMesh::turned(mesh, |run: Run<'_>| {
         let (mut bounds, mut dropped) = (LinearBox::EMPTY, 0);
-        run.turn(level, |_, planes| {
-            match planes.and_then(|planes| grid_bounds(level, &planes)) {
+        run.turn(level, |_, rows| {
+            match rows.and_then(|rows| grid_bounds(level, &rows)) {
                 Some(own) => bounds = bounds.union(&own),
                 None => dropped += 1,
             }
@@ -49,25 +49,25 @@ pub fn outline(mesh: DicedMesh) -> Outline {
 }
 
 /// Bounds of a grid over time; nothing where it cannot be traced.
-fn grid_bounds(level: Level, planes: &GridPlanes<'_>) -> Option<LinearBox> {
-    if !is_bounded(level, planes) {
+fn grid_bounds(level: Level, rows: &GridRows<'_>) -> Option<LinearBox> {
+    if !is_bounded(level, rows) {
         return None;
     }
-    let last = planes.key_times.len() - 1;
-    let ((lo0, hi0), (lo1, hi1)) = (key_bounds(planes, 0), key_bounds(planes, last));
+    let last = rows.key_times.len() - 1;
+    let ((lo0, hi0), (lo1, hi1)) = (key_bounds(rows, 0), key_bounds(rows, last));
     let mut bounds = LinearBox { lo0, hi0, lo1, hi1 };
-    for (k, &time) in planes.key_times.iter().enumerate().take(last).skip(1) {
-        let (lo, hi) = key_bounds(planes, k);
+    for (k, &time) in rows.key_times.iter().enumerate().take(last).skip(1) {
+        let (lo, hi) = key_bounds(rows, k);
         bounds.raise(time, lo, hi);
     }
     (bounds.max_abs() < COORDINATE_LIMIT).then_some(bounds)
 }
 
-fn key_bounds(planes: &GridPlanes<'_>, k: usize) -> (Vec3, Vec3) {
-    let n = planes.grid.vertex_count();
-    let columns = usize::from(planes.grid.nu) + 1;
+fn key_bounds(rows: &GridRows<'_>, k: usize) -> (Vec3, Vec3) {
+    let n = rows.grid.vertex_count();
+    let columns = usize::from(rows.grid.nu) + 1;
     let mut bounds = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-    for row in planes.planes[3 * k * n..][..3 * n].chunks_exact(3 * columns) {
+    for row in rows.floats[3 * k * n..][..3 * n].chunks_exact(3 * columns) {
         for (axis, x) in row.chunks_exact(columns).enumerate() {
             for &x in x {
                 bounds.0[axis] = bounds.0[axis].min(x);

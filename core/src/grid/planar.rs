@@ -1,8 +1,9 @@
-//! Diced geometry as it is traced: positions as planes of one coordinate each.
+//! Diced geometry as it is traced: positions as rows of one coordinate each.
 //!
-//! A row of lattice vertices is then a row of floats, which vector instructions load as it is. The
-//! vertices of grid `g`, of which there are `n`, have at key `k` their x, y and z coordinates at
-//! `3 first_vertex K + 3 k n`, and `n` and `2 n` after that.
+//! A row of lattice vertices is a row of floats for x, which vector instructions load as it is, then one for y and one for z; the
+//! next row of vertices follows. So what a group of micropolygons needs is near each other, and all of a strand's part lies
+//! in one or two lines of the cache. The vertices of grid `g`, of which there are `n`, have their first x at key `k` at
+//! `3 first_vertex K + 3 k n`.
 
 use std::ops::Range;
 
@@ -12,8 +13,8 @@ use rayon::prelude::*;
 
 use super::{DicedMesh, Grid, GridChannel, MAX_GRID_RATE};
 
-/// Floats after the last plane: a row of 8 from any lattice row or the two after it stays inside.
-const PAD: usize = 6 * (MAX_GRID_RATE as usize + 1) + 8;
+/// Floats after the last row: of any row of micropolygons, 8 floats from both rows of vertices and one more stay inside.
+const PAD: usize = 3 * (MAX_GRID_RATE as usize + 1) + 8;
 
 /// One object's grids, ready to be traced. Fields that [`DicedMesh`] has too mean the same.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -26,7 +27,7 @@ pub struct PlanarMesh {
     pub grids: Vec<Grid>,
     /// Lattice vertices of all grids, per key.
     pub vertex_count: usize,
-    planes: Vec<f32>,
+    floats: Vec<f32>,
     /// Keys of `normals`.
     pub normal_key_count: usize,
     /// Unit normals, octahedral.
@@ -47,32 +48,32 @@ fn x_of(grid: &Grid, i: usize) -> usize {
     i + 2 * columns(grid) * (i / columns(grid))
 }
 
-/// The planes of one grid.
+/// The rows of one grid.
 #[derive(Clone, Copy, Debug)]
-pub struct GridPlanes<'a> {
+pub struct GridRows<'a> {
     /// The grid.
     pub grid: Grid,
     /// Key times across the shutter.
     pub key_times: &'a [f32],
-    /// Its planes, from the first key's x on, and [more floats](PlanarMesh::planes) after the last.
-    pub planes: &'a [f32],
+    /// Its rows, from the first key's first x on, and [more floats](PlanarMesh::floats) after the last.
+    pub floats: &'a [f32],
 }
 
-impl GridPlanes<'_> {
+impl GridRows<'_> {
     /// Position of vertex `i` at key `k`.
     #[inline(always)]
     pub fn position(&self, k: usize, i: usize) -> Vec3 {
         let x = 3 * k * self.grid.vertex_count() + x_of(&self.grid, i);
         let columns = columns(&self.grid);
         Vec3::new(
-            self.planes[x],
-            self.planes[x + columns],
-            self.planes[x + 2 * columns],
+            self.floats[x],
+            self.floats[x + columns],
+            self.floats[x + 2 * columns],
         )
     }
     /// The coordinates of all vertices at all keys.
     pub fn coordinates(&self) -> &[f32] {
-        &self.planes[..self.grid.vertex_count() * 3 * self.key_times.len()]
+        &self.floats[..self.grid.vertex_count() * 3 * self.key_times.len()]
     }
 }
 
@@ -131,7 +132,7 @@ pub const STRIP: usize = 18;
 /// Vertices that one thread turns at a time.
 const PART: usize = 1 << 13;
 
-/// A run of grids, whose positions are not planes yet.
+/// A run of grids, whose positions are not rows yet.
 pub struct Run<'a> {
     key_times: &'a [f32],
     grids: &'a [Grid],
@@ -148,10 +149,10 @@ impl Run<'_> {
         self.floats.len() / (3 * self.key_times.len().max(1))
     }
 
-    /// Turns all grids into planes, in their order, and shows them to `visit` by number; none for a grid that
+    /// Turns all grids into rows, in their order, and shows them to `visit` by number; none for a grid that
     /// cannot be traced ([`DicedMesh::is_sound`]).
-    pub fn turn(self, level: Level, mut visit: impl FnMut(u32, Option<GridPlanes<'_>>)) {
-        let mut planes = Vec::new();
+    pub fn turn(self, level: Level, mut visit: impl FnMut(u32, Option<GridRows<'_>>)) {
+        let mut floats = Vec::new();
         for g in self.numbers {
             if !self.sound[g] {
                 visit(g as u32, None);
@@ -160,28 +161,28 @@ impl Run<'_> {
             let grid = self.grids[g];
             let size = 3 * grid.vertex_count() * self.key_times.len();
             let from = (grid.first_vertex as usize - self.first) * self.key_times.len() * 3;
-            if planes.len() < size + PAD {
-                planes.resize(size + PAD, 0.0);
+            if floats.len() < size + PAD {
+                floats.resize(size + PAD, 0.0);
             }
             level.run(Turn {
                 floats: &mut self.floats[from..from + size],
-                planes: &mut planes[..size],
+                rows: &mut floats[..size],
                 columns: columns(&grid),
             });
-            let planes = GridPlanes {
+            let rows = GridRows {
                 grid,
                 key_times: self.key_times,
-                planes: &planes[..size + PAD],
+                floats: &floats[..size + PAD],
             };
-            visit(g as u32, Some(planes));
+            visit(g as u32, Some(rows));
         }
     }
 }
 
-/// Turns positions into planes, there and in a copy.
+/// Turns positions into rows, there and in a copy.
 struct Turn<'a> {
     floats: &'a mut [f32],
-    planes: &'a mut [f32],
+    rows: &'a mut [f32],
     columns: usize,
 }
 
@@ -192,15 +193,15 @@ impl Kernel for Turn<'_> {
         let n = self.columns;
         if n == 2 {
             // Strands, whose rows are short.
-            let rows = self.planes.as_chunks_mut::<6>().0;
+            let rows = self.rows.as_chunks_mut::<6>().0;
             for (p, row) in self.floats.as_chunks::<6>().0.iter().zip(rows) {
                 *row = [p[0], p[3], p[1], p[4], p[2], p[5]];
             }
-            self.floats.copy_from_slice(self.planes);
+            self.floats.copy_from_slice(self.rows);
             return;
         }
         let rows = self.floats.chunks_exact(3 * n);
-        for (points, row) in rows.zip(self.planes.chunks_exact_mut(3 * n)) {
+        for (points, row) in rows.zip(self.rows.chunks_exact_mut(3 * n)) {
             let (x, yz) = row.split_at_mut(n);
             let (y, z) = yz.split_at_mut(n);
             let to = x.iter_mut().zip(y).zip(z);
@@ -208,7 +209,7 @@ impl Kernel for Turn<'_> {
                 (*x, *y, *z) = (p[0], p[1], p[2]);
             }
         }
-        self.floats.copy_from_slice(self.planes);
+        self.floats.copy_from_slice(self.rows);
     }
 }
 
@@ -234,9 +235,9 @@ fn sound_grids(grids: &[Grid], vertex_count: usize) -> Vec<bool> {
 }
 
 impl PlanarMesh {
-    /// Turns the positions of a mesh into planes, in place. Runs of grids are handed to `visit`, from several
+    /// Turns the positions of a mesh into rows, in place. Runs of grids are handed to `visit`, from several
     /// threads, which turns them; what it returned, in the order of the grids. A mesh that is not
-    /// [usable](DicedMesh::is_usable) has no planes, and no sound grids.
+    /// [usable](DicedMesh::is_usable) has no rows, and no sound grids.
     pub fn turned<T: Send>(
         mesh: DicedMesh,
         visit: impl Fn(Run<'_>) -> T + Sync + Send,
@@ -280,7 +281,7 @@ impl PlanarMesh {
             key_times: mesh.key_times,
             grids: mesh.grids,
             vertex_count: mesh.vertex_count,
-            planes: floats,
+            floats,
             normal_key_count: mesh.normal_key_count,
             normals: mesh.normals,
             channels: mesh.channels,
@@ -288,14 +289,14 @@ impl PlanarMesh {
         (mesh, visited)
     }
 
-    /// The planes of grid `g`.
+    /// The rows of grid `g`.
     #[inline(always)]
-    pub fn grid_planes(&self, g: usize) -> GridPlanes<'_> {
+    pub fn grid_rows(&self, g: usize) -> GridRows<'_> {
         let grid = self.grids[g];
-        GridPlanes {
+        GridRows {
             grid,
             key_times: &self.key_times,
-            planes: &self.planes[self.plane_start(&grid, 0)..],
+            floats: &self.floats[self.first_float(&grid, 0)..],
         }
     }
 }
@@ -303,7 +304,7 @@ impl PlanarMesh {
 impl PlanarMesh {
     /// Which grids can be traced: none of a mesh that was not usable.
     pub fn sound_grids(&self) -> Vec<bool> {
-        match self.planes.is_empty() {
+        match self.floats.is_empty() {
             true => vec![false; self.grids.len()],
             false => sound_grids(&self.grids, self.vertex_count),
         }
@@ -371,15 +372,15 @@ impl PlanarMesh {
     pub fn cell_count(&self) -> usize {
         self.grids.iter().map(Grid::cell_count).sum()
     }
-    /// The planes of all grids, and so many floats more that a row of 5 from any row of a lattice, or the two
+    /// The rows of all grids, and so many floats more that a row of 5 from any row of a lattice, or the two
     /// after it, is in there.
     #[inline(always)]
-    pub fn planes(&self) -> &[f32] {
-        &self.planes
+    pub fn floats(&self) -> &[f32] {
+        &self.floats
     }
-    /// Where in [`PlanarMesh::planes`] those of `grid` at key `k` begin; they are `vertex_count` apart.
+    /// Where in [`PlanarMesh::floats`] the rows of `grid` at key `k` begin.
     #[inline(always)]
-    pub fn plane_start(&self, grid: &Grid, k: usize) -> usize {
+    pub fn first_float(&self, grid: &Grid, k: usize) -> usize {
         3 * (grid.first_vertex as usize * self.key_times.len() + k * grid.vertex_count())
     }
     /// The lattice of a group of micropolygons of `grid`, the first of which is `(i, j)`, from key `k` on.
@@ -387,8 +388,8 @@ impl PlanarMesh {
     pub(crate) fn lattice(&self, grid: &Grid, k: usize, i: u8, j: u8) -> Lattice<'_> {
         let columns = columns(grid);
         Lattice {
-            floats: &self.planes,
-            first: self.plane_start(grid, k) + usize::from(j) * 3 * columns + usize::from(i),
+            floats: &self.floats,
+            first: self.first_float(grid, k) + usize::from(j) * 3 * columns + usize::from(i),
             columns,
             key: 3 * grid.vertex_count(),
         }
@@ -396,8 +397,8 @@ impl PlanarMesh {
     /// Position of vertex `i` of grid `g` at key `k`.
     pub fn position(&self, g: usize, k: usize, i: usize) -> Vec3 {
         let grid = &self.grids[g];
-        let x = self.plane_start(grid, k) + x_of(grid, i);
-        Vec3::from_array([0, 1, 2].map(|axis| self.planes[x + axis * columns(grid)]))
+        let x = self.first_float(grid, k) + x_of(grid, i);
+        Vec3::from_array([0, 1, 2].map(|axis| self.floats[x + axis * columns(grid)]))
     }
     /// Normals of grid `g` at key `k` (`k < normal_key_count`).
     pub fn grid_normals(&self, g: usize, k: usize) -> &[u32] {
@@ -409,7 +410,7 @@ impl PlanarMesh {
     /// Bytes on the heap.
     pub fn bytes(&self) -> usize {
         let channels = self.channels.iter().map(|c| size_of_val(&c.values[..]));
-        size_of_val(&self.planes[..])
+        size_of_val(&self.floats[..])
             + size_of_val(&self.normals[..])
             + size_of_val(&self.grids[..])
             + channels.sum::<usize>()
@@ -421,7 +422,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn planes_hold_the_positions() {
+    fn rows_hold_the_positions() {
         // Enough grids for several parts, some of which are not sound.
         let mut mesh = DicedMesh {
             key_times: vec![0.0, 0.5, 1.0],
@@ -471,7 +472,7 @@ mod tests {
             }
         }
         let last = &planar.grids[399];
-        let rows = planar.plane_start(last, 2) + 3 * last.vertex_count() - 1;
-        assert!(rows + PAD <= planar.planes().len());
+        let rows = planar.first_float(last, 2) + 3 * last.vertex_count() - 1;
+        assert!(rows + PAD <= planar.floats().len());
     }
 }

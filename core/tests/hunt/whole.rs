@@ -100,7 +100,7 @@ fn rays(mesh: &PlanarMesh, rng: &mut Rng) -> Vec<Ray> {
     let count = 48;
     (0..count)
         .map(|n| {
-            let slowest = mesh.planes().iter().fold(0.0f32, |m, x| m.max(x.abs())) * LEAST;
+            let slowest = mesh.floats().iter().fold(0.0f32, |m, x| m.max(x.abs())) * LEAST;
             let g = rng.below(mesh.grids.len());
             let target = at(g, rng.below(mesh.grids[g].vertex_count()));
             let near = at(g, rng.below(mesh.grids[g].vertex_count()));

@@ -21,7 +21,7 @@ pub struct Object {
     /// First word of its [`GridHeader`]s.
     pub grids: u32,
     /// First float of its vertices.
-    pub planes: u32,
+    pub vertices: u32,
     /// First word of its key times.
     pub key_times: u32,
     /// Number of keys.

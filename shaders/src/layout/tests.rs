@@ -62,7 +62,7 @@ fn rust_layouts() -> Vec<Layout> {
         rust_layout!(Object {
             root,
             grids,
-            planes,
+            vertices,
             key_times,
             key_count,
             radius,
@@ -222,7 +222,7 @@ fn rust_layouts() -> Vec<Layout> {
         rust_layout!(BuildObject {
             first_grid,
             grids,
-            planes,
+            vertices,
             key_times,
             key_count
         }),

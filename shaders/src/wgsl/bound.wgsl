@@ -18,7 +18,7 @@
 //   stored is no nearer to zero than LEAST.
 // With products and sums fused, fewer roundings are left.
 
-@group(0) @binding(5) var<storage, read> planes: array<u32>;
+@group(0) @binding(5) var<storage, read> vertices: array<u32>;
 @group(0) @binding(6) var<storage, read_write> words: array<u32>;
 @group(0) @binding(7) var<storage, read_write> nodes: array<u32>;
 // What nodes refer to an item by.
@@ -71,10 +71,10 @@ struct Turn {
 struct Lattice {
     // First x coordinate at the first key.
     first: u32,
-    // From one axis to the next.
-    plane: u32,
-    // From row to row.
-    stride: u32,
+    // Vertices of all rows.
+    count: u32,
+    // Vertices of a row, which is all its x, then y, then z.
+    columns: u32,
 }
 
 fn rounded_up(a: vec2<u32>, b: vec2<u32>) -> vec2<u32> {
@@ -134,8 +134,8 @@ fn loose_span(rates: vec2<u32>, slot: u32) -> Span {
 }
 
 fn position(lattice: Lattice, key: u32, vertex: vec2<u32>) -> vec3<u32> {
-    let at = lattice.first + 3u * key * lattice.plane + vertex.y * lattice.stride + vertex.x;
-    return vec3<u32>(planes[at], planes[at + lattice.plane], planes[at + 2u * lattice.plane]);
+    let at = lattice.first + 3u * (key * lattice.count + vertex.y * lattice.columns) + vertex.x;
+    return vec3<u32>(vertices[at], vertices[at + lattice.columns], vertices[at + 2u * lattice.columns]);
 }
 
 // Bounds of the groups of a block at a key, along the rows of `axes` where `turns`; gives the largest bits of a coordinate
@@ -448,9 +448,9 @@ fn bound(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) group
     let header = object.grids + 2u * item.grid;
     let rates = vec2<u32>(words[header + 1u] & 0xffffu, words[header + 1u] >> 16u);
     var lattice: Lattice;
-    lattice.stride = rates.x + 1u;
-    lattice.plane = (rates.x + 1u) * (rates.y + 1u);
-    lattice.first = object.planes + 3u * words[header] * object.key_count;
+    lattice.columns = rates.x + 1u;
+    lattice.count = (rates.x + 1u) * (rates.y + 1u);
+    lattice.first = object.vertices + 3u * words[header] * object.key_count;
     let loose = is_loose(rates, item.grid);
     var span: Span;
     if loose {

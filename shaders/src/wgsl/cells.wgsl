@@ -32,10 +32,8 @@ struct Lattice {
     // First x coordinate at the ray's key, and at the next.
     at_key: u32,
     at_next: u32,
-    // From one axis to the next.
-    plane: u32,
-    // From one row to the next.
-    stride: u32,
+    // Vertices of a row, which is all its x, then y, then z.
+    columns: u32,
 }
 
 fn cell_ray(origin: vec3<f32>, dir: vec3<f32>, time: f32, object: Object) -> CellRay {
@@ -61,14 +59,14 @@ fn cell_ray(origin: vec3<f32>, dir: vec3<f32>, time: f32, object: Object) -> Cel
     return out;
 }
 
-// A vertex as the ray sees it.
-fn sheared(ray: CellRay, lattice: Lattice, vertex: u32) -> vec3<f32> {
-    let by = ray.axes * lattice.plane + vec3<u32>(vertex);
+// A vertex as the ray sees it, given by where its x is.
+fn sheared(ray: CellRay, lattice: Lattice, x: u32) -> vec3<f32> {
+    let by = ray.axes * lattice.columns + vec3<u32>(x);
     let a = by + vec3<u32>(lattice.at_key);
-    var p = vec3<f32>(planes[a.x], planes[a.y], planes[a.z]);
+    var p = vec3<f32>(vertices[a.x], vertices[a.y], vertices[a.z]);
     if TIME && lattice.at_next != lattice.at_key {
         let b = by + vec3<u32>(lattice.at_next);
-        let next = vec3<f32>(planes[b.x], planes[b.y], planes[b.z]);
+        let next = vec3<f32>(vertices[b.x], vertices[b.y], vertices[b.z]);
         p = p + (next - p) * ray.fraction;
     }
     p = p - ray.origin;
@@ -134,23 +132,22 @@ fn test_group(best: ptr<function, Hit>, rect: Rect, object: Object, ray: CellRay
     let nv = rates >> 16u;
     let n = (nu + 1u) * (nv + 1u);
     var lattice: Lattice;
-    lattice.plane = n;
-    lattice.stride = nu + 1u;
-    lattice.at_key = object.planes + 3u * (first_vertex * object.key_count + ray.key * n);
+    lattice.columns = nu + 1u;
+    lattice.at_key = object.vertices + 3u * (first_vertex * object.key_count + ray.key * n);
     lattice.at_next = lattice.at_key;
     if TIME && object.key_count > 1u {
         lattice.at_next = lattice.at_key + 3u * n;
     }
-    let first = rect.j * lattice.stride + rect.i;
     for (var r = 0u; r < rect.h; r++) {
-        let row = first + r * lattice.stride;
+        let row = 3u * (rect.j + r) * lattice.columns + rect.i;
+        let next = row + 3u * lattice.columns;
         var a = sheared(ray, lattice, row);
-        var d = sheared(ray, lattice, row + lattice.stride);
+        var d = sheared(ray, lattice, next);
         var left = edge(d, a);
         for (var c = 0u; c < rect.w; c++) {
             // Corners in turn: a, b, e, d; the diagonal goes from a to e.
             let b = sheared(ray, lattice, row + c + 1u);
-            let e = sheared(ray, lattice, row + lattice.stride + c + 1u);
+            let e = sheared(ray, lattice, next + c + 1u);
             let right = edge(b, e);
             let diagonal = edge(e, a);
             let bottom = edge(a, b);

@@ -1,7 +1,7 @@
 // The micropolygon that a ray hit: its corners at the ray's time, and its normal; the twin of core's trace/shading.rs. The
 // permutation fixes TIME: something moves.
 
-@group(0) @binding(0) var<storage, read> planes: array<f32>;
+@group(0) @binding(0) var<storage, read> vertices: array<f32>;
 @group(0) @binding(1) var<storage, read> words: array<u32>;
 @group(0) @binding(2) var<storage, read> objects: array<Object>;
 @group(0) @binding(3) var<storage, read> instances: array<Instance>;
@@ -14,6 +14,8 @@ struct Cell {
     first_vertex: u32,
     // Vertices of the grid.
     count: u32,
+    // Vertices of a row of it.
+    columns: u32,
     corners: vec4<u32>,
     // One of them is 0.
     weights: vec4<f32>,
@@ -29,6 +31,7 @@ fn cell_of(object: Object, hit: Hit) -> Cell {
     out.first_vertex = words[header];
     out.grid = hit.grid;
     out.count = (nu + 1u) * ((rates >> 16u) + 1u);
+    out.columns = nu + 1u;
     out.corners = vec4<u32>(a, a + 1u, a + nu + 2u, a + nu + 1u);
     if hit.u >= hit.v {
         out.weights = vec4<f32>(1.0 - hit.u, hit.u - hit.v, hit.v, 0.0);
@@ -56,13 +59,15 @@ fn unit_or_zero(v: vec3<f32>) -> vec3<f32> {
 }
 
 fn vertex_at(object: Object, cell: Cell, corner: u32, place: KeyPlace) -> vec3<f32> {
-    let first = object.planes + 3u * (cell.first_vertex * object.key_count + place.key * cell.count) + corner;
-    let p = vec3<f32>(planes[first], planes[first + cell.count], planes[first + 2u * cell.count]);
+    // A row is all its x, then y, then z.
+    let x = corner + 2u * cell.columns * (corner / cell.columns);
+    let first = object.vertices + 3u * (cell.first_vertex * object.key_count + place.key * cell.count) + x;
+    let p = vec3<f32>(vertices[first], vertices[first + cell.columns], vertices[first + 2u * cell.columns]);
     if !TIME || object.key_count < 2u {
         return p;
     }
     let next = first + 3u * cell.count;
-    let q = vec3<f32>(planes[next], planes[next + cell.count], planes[next + 2u * cell.count]);
+    let q = vec3<f32>(vertices[next], vertices[next + cell.columns], vertices[next + 2u * cell.columns]);
     return p + (q - p) * place.fraction;
 }
 

@@ -50,8 +50,8 @@ struct Object {
     root: u32,
     // First word of its grids in `words`, a GridHeader each.
     grids: u32,
-    // First float of its vertices in `planes`.
-    planes: u32,
+    // First float of its vertices in `vertices`.
+    vertices: u32,
     // First of its key times in `words`.
     key_times: u32,
     // Number of keys.
@@ -331,8 +331,8 @@ struct BuildObject {
     first_grid: u32,
     // First word of its grids in `words`, a GridHeader each.
     grids: u32,
-    // First float of its vertices in `planes`.
-    planes: u32,
+    // First float of its vertices in `vertices`.
+    vertices: u32,
     // First of its key times in `words`.
     key_times: u32,
     // Number of keys.

@@ -11,7 +11,7 @@
 // sides_some.wgsl), and whether hits are left out that were met before (met_none.wgsl or met_before.wgsl).
 
 @group(0) @binding(0) var<storage, read> nodes: array<vec4<u32>>;
-@group(0) @binding(1) var<storage, read> planes: array<f32>;
+@group(0) @binding(1) var<storage, read> vertices: array<f32>;
 @group(0) @binding(2) var<storage, read> words: array<u32>;
 @group(0) @binding(3) var<storage, read> objects: array<Object>;
 @group(0) @binding(4) var<storage, read> instances: array<Instance>;

@@ -50,7 +50,7 @@ impl Forest {
         self.objects.push(BuildObject {
             first_grid: self.starts.len() as u32,
             grids: object.grids,
-            planes: object.planes,
+            vertices: object.vertices,
             key_times: object.key_times,
             key_count: object.key_count,
         });

@@ -370,7 +370,7 @@ fn laid<'w>(
 impl Laid<'_> {
     /// Refused where it has more than can be numbered; `end` is its end.
     fn checked(self, end: u64) -> Result<Self, GpuError> {
-        let lengths = [self.arrays.planes.len(), self.arrays.words.len()];
+        let lengths = [self.arrays.vertices.len(), self.arrays.words.len()];
         match end >= u64::from(MOVES) || lengths.iter().any(|&n| u32::try_from(n).is_err()) {
             true => Err(too_much()),
             false => Ok(self),
@@ -398,7 +398,7 @@ impl Making<'_> {
             _ => Some(Bounded::new(planted, &mut laid.arrays.words)),
         });
         let bounded: Vec<Option<Bounded>> = bounded.collect();
-        let are_early = laid.arrays.planes.are_early();
+        let are_early = laid.arrays.vertices.are_early();
         let vertices = match (builder.vertices(&mut laid.arrays, most), early) {
             // There is room for one of both.
             (Err(GpuError::OutOfMemory { .. }), Some(early)) if are_early => {
@@ -579,7 +579,7 @@ impl TreeBuilder {
     fn vertices(&self, arrays: &mut Arrays, most: u64) -> Result<[wgpu::Buffer; 2], GpuError> {
         let device = self.device();
         Ok([
-            std::mem::take(&mut arrays.planes).upload(device, most)?,
+            std::mem::take(&mut arrays.vertices).upload(device, most)?,
             upload(device, most, "grids", cast_slice(&arrays.words))?,
         ])
     }
@@ -611,7 +611,7 @@ impl TreeBuilder {
         clock: &mut Clock,
         (world, numbers): (&World, &[InWhole]),
         laid: Laid<'_>,
-        (nodes, [planes, words]): (wgpu::Buffer, [wgpu::Buffer; 2]),
+        (nodes, [vertices, words]): (wgpu::Buffer, [wgpu::Buffer; 2]),
         (forests, tops): (&[Trees], &Tops),
         most: u64,
     ) -> Result<(Page, Vec<Vec<f32>>), Unmade> {
@@ -658,7 +658,7 @@ impl TreeBuilder {
         if start.stack().is_err() {
             return Err(Unmade::Deep);
         }
-        let buffers = [nodes, planes, words];
+        let buffers = [nodes, vertices, words];
         let page = Page::of(
             self.device(),
             (world, numbers),

@@ -86,14 +86,14 @@ fn words(device: &Device, what: &'static str, count: u32) -> Result<wgpu::Buffer
 }
 
 impl Trees {
-    /// Makes the trees over a forest whose vertices are in `planes`, and grids in `grids`. Its blocks are in the buffer that is
+    /// Makes the trees over a forest whose vertices are in `vertices`, and grids in `grids`. Its blocks are in the buffer that is
     /// given back, in their order.
     pub fn new(
         runner: &Runner,
         clock: &mut Clock,
         forest: Forest,
         places: Places,
-        (planes, grids): (&wgpu::Buffer, &wgpu::Buffer),
+        (vertices, grids): (&wgpu::Buffer, &wgpu::Buffer),
     ) -> Result<(Self, wgpu::Buffer), Unmade> {
         let device = &*runner.device;
         let units = forest.block_units();
@@ -102,7 +102,7 @@ impl Trees {
         trees.bound(
             runner,
             clock,
-            (planes, grids),
+            (vertices, grids),
             (&blocks, trees.places.blocks),
         )?;
         trees.dropped = trees.now_dropped(device)?;
@@ -232,7 +232,7 @@ impl Trees {
         &self,
         runner: &Runner,
         clock: &mut Clock,
-        (planes, grids): (&wgpu::Buffer, &wgpu::Buffer),
+        (vertices, grids): (&wgpu::Buffer, &wgpu::Buffer),
         (nodes, base): (&wgpu::Buffer, u32),
     ) -> Result<(), GpuError> {
         let queue = &runner.device.queue;
@@ -242,7 +242,7 @@ impl Trees {
             &self.objects,
             &self.starts,
             &self.facts,
-            planes,
+            vertices,
             grids,
             nodes,
             &self.references,

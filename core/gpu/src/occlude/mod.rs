@@ -264,7 +264,7 @@ impl Occluder {
         let (count, row) = self.size(len);
         let mut seconds = None;
         for (number, page) in scene.pages.iter().enumerate() {
-            let [_, planes, words, objects, instanced, matrices] = &page.group;
+            let [_, vertices, words, objects, instanced, matrices] = &page.group;
             let [instances, places] = page.instances();
             let launch = SiteLaunch {
                 ray_count: len as u32,
@@ -286,7 +286,7 @@ impl Occluder {
                 Kernel::new(device, "site", &site_source(time), &groups)
             })?;
             let groups: [&[&wgpu::Buffer]; 2] = [
-                &[planes, words, objects, instanced, matrices],
+                &[vertices, words, objects, instanced, matrices],
                 &[rays, hits, &launch, &sites],
             ];
             let launched = kernel.launch(device, &groups, count);

@@ -235,9 +235,9 @@ pub fn contained(
         let limit = hdtrapeze_core::bvh::COORDINATE_LIMIT;
         for (g, (met, sound)) in walk.met.iter().zip(mesh.sound_grids()).enumerate() {
             let traced = sound && {
-                let start = mesh.plane_start(&mesh.grids[g], 0);
+                let start = mesh.first_float(&mesh.grids[g], 0);
                 let floats = 3 * mesh.grids[g].vertex_count() * mesh.key_count();
-                let all = &mesh.planes()[start..][..floats];
+                let all = &mesh.floats()[start..][..floats];
                 let reach = all.iter().fold(0.0f32, |most, x| most.max(x.abs()));
                 if all.iter().all(|x| x.abs() < limit) && reach > walk.object.radius {
                     return Err(format!("{reach} is beyond {}", walk.object.radius).into());
