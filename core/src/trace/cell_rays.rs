@@ -92,13 +92,20 @@ impl CellRays {
         if !agree {
             out.each_with_its_axes(simd, rays, &mut sheared);
         }
+        let mut kinds = [[0.0; LANES]; VECTORS];
         if key_times.len() > 2 {
             for (v, rays) in rays.iter().enumerate().take(VECTORS) {
-                out.locate(simd, v, rays, key_times);
+                kinds[v] = out.locate(simd, v, rays, key_times);
+            }
+        }
+        if !agree {
+            let axes = out.z_axis.iter();
+            for (kind, &axis) in kinds.as_flattened_mut().iter_mut().zip(axes) {
+                *kind = 4.0 * *kind + f32::from(axis);
             }
         }
         if !agree || key_times.len() > 2 {
-            out.sort(simd, sound);
+            out.sort(simd, sound, &kinds);
         }
         let runs = out.rays.chunks_exact_mut(LANES);
         for (v, (sheared, to)) in sheared[..rays.len().min(VECTORS)]
@@ -148,9 +155,9 @@ impl CellRays {
         }
     }
 
-    /// Segments of keys, and fractions inside them: as `locate_key` has it.
+    /// Segments of keys, and fractions inside them: as `locate_key` has it. Gives the segments.
     #[inline(always)]
-    fn locate<S: Simd>(&mut self, simd: S, v: usize, rays: &Rays, key_times: &[f32]) {
+    fn locate<S: Simd>(&mut self, simd: S, v: usize, rays: &Rays, key_times: &[f32]) -> Lanes {
         let (zero, one) = (simd.all16(0.0), simd.all16(1.0));
         let time = simd.from16(&rays.time);
         let (mut from, mut to) = (simd.all16(key_times[0]), simd.all16(key_times[1]));
@@ -163,19 +170,16 @@ impl CellRays {
         }
         let fraction = (time - from).over(to - from);
         self.fraction[v] = fraction.max(zero).min(one).to_array();
-        for (to, key) in self.key[LANES * v..].iter_mut().zip(key.to_array()) {
+        let key = key.to_array();
+        for (to, key) in self.key[LANES * v..].iter_mut().zip(key) {
             *to = key as u32;
         }
+        key
     }
 
-    /// Finds which of the rays `sound` agree.
+    /// Finds which of the rays `sound` agree, by numbers which are the same for those that do.
     #[inline(always)]
-    fn sort<S: Simd>(&mut self, simd: S, sound: u64) {
-        let mut kinds = [[0.0; LANES]; VECTORS];
-        for ray in 0..PACKET {
-            kinds[ray / LANES][ray % LANES] =
-                (4 * self.key[ray] + u32::from(self.z_axis[ray])) as f32;
-        }
+    fn sort<S: Simd>(&mut self, simd: S, sound: u64, kinds: &All) {
         let mut rest = sound;
         while rest != 0 {
             let (v, lane) = split(rest.trailing_zeros() as usize);
@@ -187,6 +191,10 @@ impl CellRays {
                 like |= u64::from(same.bits()) << (LANES * v);
             }
             like &= rest;
+            if like == sound {
+                // As they are taken to be.
+                return;
+            }
             rest &= !like;
             let mut left = like;
             while left != 0 {

@@ -35,7 +35,7 @@ const LEAST: i32 = 0x01000000;
 // Bits of 2^60: coordinates and bounds from there on are not traced.
 const LIMIT: u32 = 0x5d800000u;
 // Relative cost of turning a ray into a frame, as core's.
-const TURN_COST: f32 = 0.6;
+const TURN_COST: f32 = select(0.6, 0.65, MOVES);
 // Frames are tried for blocks that are larger and nearer than this: no product overflows.
 const SMALLEST: f32 = 1.0e-12;
 const LARGEST: f32 = 1.0e9;
