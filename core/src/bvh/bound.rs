@@ -385,9 +385,8 @@ fn lattice_edges(rows: &GridRows<'_>, span: &Span) -> (Vec3, Vec3) {
 /// Corners of a block at a key, u the faster.
 #[inline(always)]
 fn corners(rows: &GridRows<'_>, span: &Span, key: usize) -> [Vec3; 4] {
-    let stride = usize::from(rows.grid.nu) + 1;
     let [i, j, w, h] = [span.rect.i, span.rect.j, span.rect.w, span.rect.h].map(usize::from);
-    let at = |x: usize, y: usize| rows.position(key, (j + y) * stride + i + x);
+    let at = |x: usize, y: usize| rows.position(key, i + x, j + y);
     [at(0, 0), at(w, 0), at(0, h), at(w, h)]
 }
 

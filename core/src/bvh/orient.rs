@@ -163,15 +163,12 @@ pub struct Piece {
 impl Piece {
     /// Of a group of these micropolygons.
     pub fn of(rows: &GridRows<'_>, rect: CellRect, key: usize) -> Self {
-        let stride = usize::from(rows.grid.nu) + 1;
         let [i, j, w, h] = [rect.i, rect.j, rect.w, rect.h].map(usize::from);
-        let from = j * stride + i;
-        let to = if rows.grid.nu == 1 {
-            from + h * stride
-        } else {
-            from + w
+        let from = rows.position(key, i, j);
+        let to = match rows.grid.nu {
+            1 => rows.position(key, i, j + h),
+            _ => rows.position(key, i + w, j),
         };
-        let [from, to] = [from, to].map(|i| rows.position(key, i));
         Self {
             edge: to - from,
             middle: (from + to) * 0.5,

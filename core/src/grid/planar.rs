@@ -45,7 +45,9 @@ fn columns(grid: &Grid) -> usize {
 /// Where the x of vertex `i` of a grid is, from where its first one is.
 #[inline(always)]
 fn x_of(grid: &Grid, i: usize) -> usize {
-    i + 2 * columns(grid) * (i / columns(grid))
+    // Numbers of vertices are below 2^32, which are divided faster.
+    let row = i as u32 / columns(grid) as u32;
+    i + 2 * columns(grid) * row as usize
 }
 
 /// The rows of one grid.
@@ -60,11 +62,11 @@ pub struct GridRows<'a> {
 }
 
 impl GridRows<'_> {
-    /// Position of vertex `i` at key `k`.
+    /// Position of vertex `(i, j)` at key `k`.
     #[inline(always)]
-    pub fn position(&self, k: usize, i: usize) -> Vec3 {
-        let x = 3 * k * self.grid.vertex_count() + x_of(&self.grid, i);
+    pub fn position(&self, k: usize, i: usize, j: usize) -> Vec3 {
         let columns = columns(&self.grid);
+        let x = 3 * (k * self.grid.vertex_count() + j * columns) + i;
         Vec3::new(
             self.floats[x],
             self.floats[x + columns],
