@@ -148,13 +148,17 @@ fn mirrors_and_orientation_turn_what_they_turn() {
             let front = front == (orientation == Orientation::RightHanded);
             let one = prim(square(orientation), &[m]);
             assert_eq!(seen(&alone(&one, Cull::Back), 0.0), [front, !front], "{m}");
-            assert_eq!(seen(&instanced(&one, m), 0.0), [front, !front], "{m}");
+            assert_eq!(
+                seen(&instanced(&one, m, Cull::Back), 0.0),
+                [front, !front],
+                "{m}"
+            );
         }
     }
 }
 
 /// Two instances of a prim without its own transform, both placed by `m`.
-fn instanced(of: &PrimDesc, m: DMat4) -> Prepared {
+fn instanced(of: &PrimDesc, m: DMat4, cull: Cull) -> Prepared {
     let mut scene = Scene::default();
     let mut instancer = InstancerDesc::new("/instancer");
     instancer.arrays = Arc::new(InstanceArrays {
@@ -172,7 +176,7 @@ fn instanced(of: &PrimDesc, m: DMat4) -> Prepared {
     part.common.transform.clear();
     part.common.instancer = Some((PrimId(50), 0));
     scene.prims.insert(PrimId(1), Arc::new(part));
-    let world = commit(scene, Cull::Back);
+    let world = commit(scene, cull);
     assert_eq!(world.statistics().instances, 2);
     world
 }
@@ -278,13 +282,12 @@ proptest! {
         let [x, y, z] = mirror.map(|mirrored| if mirrored { -1.0 } else { 1.0 });
         let m = DMat4::from_axis_angle(DVec3::ONE.normalize(), turn) * scale(x, 1.3 * y, z);
         let one = prim(solid(which, axis, SIDES[usize::from(left)]), &[m]);
-        let world = |cull| match cull {
-            Cull::Back if shared => instanced(&one, m),
-            cull => alone(&one, cull),
-        };
+        let world = |cull| if shared { instanced(&one, m, cull) } else { alone(&one, cull) };
         let [all, fronts, backs] = [Cull::None, Cull::Back, Cull::Front].map(world);
         let outside = Vec3::from_array(from).normalize_or(Vec3::X) * 4.0;
         let ray = ray(&all, outside, Vec3::from_array(to) - outside, 0.0);
+        // At a rim, the strip that joins two parts' edges is seen from both sides, a hair's breadth wide.
+        prop_assume!(hits(&all, &ray).len() <= if shared { 4 } else { 2 });
         let first = |world: &Prepared| hits(world, &ray).first().map(|h| h.t);
         let last = |world: &Prepared| hits(world, &ray).last().map(|h| h.t);
         let near = |a: Option<f32>, b: Option<f32>| match (a, b) {

@@ -416,10 +416,8 @@ fn row_at<S: Simd>(
     } else {
         let c = &groups.columns;
         let step = [c[first], c[first + 1], c[first + 2], c[first + 3]];
-        let mut at = at;
-        for i in 0..4 {
-            at[i] += k * groups.key[first + i];
-        }
+        let key = &groups.key[first..first + 4];
+        let at = plus(at, [k * key[0], k * key[1], k * key[2], k * key[3]]);
         let y = plus(at, step);
         [
             simd.rows(vertices.floats, at),
