@@ -377,7 +377,7 @@ mod tests {
                 build_items((0..n).map(item).collect(), Nodes::Full, &NEVER);
             let least = (n as usize - 1).div_ceil(7);
             assert!(
-                tree.nodes.len() <= least + least / 3 + 1,
+                tree.nodes.len() <= least + least / 5 + 1,
                 "{n}: {}",
                 tree.nodes.len()
             );

@@ -185,9 +185,16 @@ pub fn split<H: Hull>(
     }
 }
 
-/// About `left` of `count` items, 9 or more: what fills whole nodes, and leaves some.
+/// About `left` of `count` items, 9 or more, so that one side fills whole nodes: a node of 8 takes up one item, or makes 8 of
+/// one, so full nodes hold `1 + 7 n` items.
 fn whole_nodes(left: usize, count: usize) -> usize {
-    8 * ((left + 4) / 8).clamp(1, (count - 1) / 8)
+    let whole = |items: usize| 1 + 7 * ((items + 2) / 7).clamp(1, (count - 2) / 7);
+    let (first, second) = (whole(left), count - whole(count - left));
+    if first.abs_diff(left) <= second.abs_diff(left) {
+        first
+    } else {
+        second
+    }
 }
 
 /// The cheapest split; none where there is none.
