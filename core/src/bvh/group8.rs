@@ -19,9 +19,8 @@ const _: () = assert!(GROUP.0 == 4 && GROUPS == 8);
 /// Where the vertices of up to 8 groups are.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Groups {
-    /// Where their rows begin in the plane of the first key's x.
+    /// Where their rows begin: with x at the first key.
     rows: [[usize; GROUPS]; ROWS],
-    /// Floats of each plane.
     /// Vertices of a row of each: y is so much later than x.
     columns: [usize; GROUPS],
     /// Floats from one key to the next.

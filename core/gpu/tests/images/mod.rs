@@ -513,7 +513,8 @@ pub fn paged(
         let options = FrameOptions { first, most };
         GpuFrame::with(options, Arc::clone(stages), prepared)
     };
-    let found = (9..20).map(|i| frame(1 << i)).find(|frame| frame.is_ok());
+    let sizes = (8..20).flat_map(|i| [2 << i, 3 << i]);
+    let found = sizes.map(frame).find(|frame| frame.is_ok());
     Ok(found.ok_or("no page is large enough")??)
 }
 
