@@ -269,7 +269,7 @@ proptest! {
         let mut m = match shape {
             0 => fur(40, &keys, seed),
             1 => combed(40, 0.003, &keys, seed),
-            _ => patches(12, 16, &keys[..1], seed),
+            _ => bent_patches(12, 16, &keys[..1], seed, 0.1),
         };
         let spin = glam::Quat::from_axis_angle(Rng(seed).direction(), 1.0);
         for p in &mut m.positions {
@@ -380,7 +380,7 @@ fn flown(count: usize, keys: &[f32], noise: f32, seed: u64) -> DicedMesh {
         let q = glam::Quat::from_axis_angle(spin, 1.5 * t)
             * glam::Quat::from_rotation_arc(Vec3::Z, axis);
         let (x, y) = (u - 0.5, v - 0.5);
-        let p = Vec3::new(x, y, 0.2 * (x * x - y * y));
+        let p = Vec3::new(x, y, 0.1 * (x * x - y * y));
         let bits = u64::from(u.to_bits()) << 32 ^ u64::from(v.to_bits()).rotate_left(11);
         let off = Rng(seed ^ bits ^ u64::from(t.to_bits()).rotate_left(43)).cube() * noise;
         centre + q * (p * 0.3 + off) + way * t + fall * (t * t)
@@ -405,11 +405,11 @@ fn turning(object: &ObjectGeometry) -> [usize; 2] {
 fn frames_follow_blocks_along_arcs() {
     let times: Vec<f32> = (0..=16).map(|i| i as f32 / 16.0).collect();
     for count in 3..=9 {
-        let object = ObjectGeometry::plain(flown(8, &keys(count), 0.0, 3));
+        let object = ObjectGeometry::plain(flown(12, &keys(count), 0.0, 3));
         let [turns, bows] = turning(&object);
         assert!(turns > 24 && bows > 24, "{count}: {turns}, {bows}");
         for noise in [0.0, 0.002] {
-            check_object(flown(8, &keys(count), noise, 3), &times).expect("contained");
+            check_object(flown(12, &keys(count), noise, 3), &times).expect("contained");
         }
     }
 }

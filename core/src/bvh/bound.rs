@@ -18,13 +18,14 @@ use crate::grid::planar::GridRows;
 use crate::grid::{Grid, PlanarMesh};
 
 /// What a ray that is turned into a block's frame costs, in units of what it costs at one group that it meets. Only the choice
-/// of frames depends on it. Measured where all blocks would have a frame, or none, and between: with 0.3, rays from hits on
-/// small patches that tumble were a tenth slower than without any frames; with 0.6 two hundredths at most where they stand still, a twentieth
-/// where they move; of the gain on a smooth sheet, a sixth of the time of rays that leave it, more than half is left.
-///
-/// The second is for blocks that move, whose frames are larger: with 0.65 rays from hits on patches are two hundredths slower than
-/// without frames, and those on a sheet are a tenth faster, as with 0.6.
-const TURN_COST: [f32; 2] = [0.6, 0.65];
+/// of frames depends on it, and on [`THICK`]. Both were measured where all blocks would have a frame, or none, and between.
+const TURN_COST: f32 = 0.5;
+/// How much what boxes have above the area of the surface counts besides, where they are in a frame. Groups that a frame spares
+/// a ray cost it little, since they are asked for early, and lie side by side; but of rays that leave a surface, many pass
+/// its other groups where boxes are thick, and none where they are flat. On a smooth sheet, whose frames are kept, rays from
+/// hits are a tenth faster with them; on small patches that are bent more, where they were slower by up to a twentieth, few blocks
+/// have one.
+const THICK: f32 = 2.0;
 
 /// What became of a block.
 pub enum Bounded<B: Bounds8> {
@@ -174,7 +175,7 @@ impl<B: Bounds8> Kernel for Bound<'_, B> {
             return Bounded::Halve;
         }
         let cost = best.area(simd, B::MOVING, span.count);
-        let turn = whole * TURN_COST[usize::from(B::MOVING)];
+        let turn = whole * TURN_COST;
         let mut frame = None;
         // So have boxes of any frame: where that saves nothing, none is tried.
         if !upright
@@ -182,7 +183,8 @@ impl<B: Bounds8> Kernel for Bound<'_, B> {
             && let Some(candidate) = turning_of::<B::Turning>(rows, &span, (u, v))
         {
             let turned = boxes_in(simd, vertices, &groups, &candidate);
-            if turned.area(simd, B::MOVING, span.count) + turn < cost {
+            let area = turned.area(simd, B::MOVING, span.count);
+            if area + THICK * (area - surface) + turn < cost {
                 (best, frame) = (turned, Some(candidate));
             }
         }

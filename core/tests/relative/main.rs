@@ -206,7 +206,7 @@ fn curves_cost_few_tests() {
     // Of nodes and micropolygons, against a plain tree, whose frames follow what falls nearly as well.
     let cases = [
         ("orbit", 2, curved::orbit(60, 16, &keys(9), 3.0, 1)),
-        ("falling", 1, curved::falling(60, 16, &keys(9), 2)),
+        ("falling", 1, curved::bent_falling(60, 16, &keys(9), 2, 0.1)),
         ("fan", 2, curved::fan(2, 16, &keys(9), 3.1)),
         ("quarters", 2, curved::fan(2, 16, &keys(3), 3.1)),
         ("debris", 2, curved::debris(60, 16, &keys(9), 2)),

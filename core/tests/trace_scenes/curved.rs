@@ -5,7 +5,7 @@ use std::f32::consts::{PI, TAU};
 use glam::{Quat, Vec3};
 use hdtrapeze_core::grid::DicedMesh;
 
-use super::{Rng, mesh};
+use super::{BEND, Rng, mesh};
 
 /// A propeller of five twisted blades of `n` by `4 n` grids about the z axis, which turns by `angle`.
 pub fn fan(n: usize, rate: u16, keys: &[f32], angle: f32) -> DicedMesh {
@@ -23,6 +23,11 @@ pub fn fan(n: usize, rate: u16, keys: &[f32], angle: f32) -> DicedMesh {
 
 /// Patches that each make half a turn about an axis of their own.
 pub fn debris(count: usize, rate: u16, keys: &[f32], seed: u64) -> DicedMesh {
+    bent_debris(count, rate, keys, seed, BEND)
+}
+
+/// The same, bent so much.
+pub fn bent_debris(count: usize, rate: u16, keys: &[f32], seed: u64, bend: f32) -> DicedMesh {
     let mut rng = Rng(seed);
     let size = 1.2 / (count as f32).cbrt();
     let who: Vec<_> = (0..count)
@@ -32,21 +37,26 @@ pub fn debris(count: usize, rate: u16, keys: &[f32], seed: u64) -> DicedMesh {
         let (centre, axis, spin, drift) = who[g];
         let q = Quat::from_axis_angle(spin, PI * t) * Quat::from_rotation_arc(Vec3::Z, axis);
         let (x, y) = (u - 0.5, v - 0.5);
-        let p = Vec3::new(x, y, 0.4 * (x * x - y * y));
+        let p = Vec3::new(x, y, bend * (x * x - y * y));
         centre + q * p * size + drift * (0.5 * size * t)
     })
 }
 
 /// Patches that fall from rest, all alike, each with a drift of its own.
 pub fn falling(count: usize, rate: u16, keys: &[f32], seed: u64) -> DicedMesh {
-    carried(count, rate, keys, seed, |t| {
+    bent_falling(count, rate, keys, seed, BEND)
+}
+
+/// The same, bent so much.
+pub fn bent_falling(count: usize, rate: u16, keys: &[f32], seed: u64, bend: f32) -> DicedMesh {
+    carried(count, rate, keys, seed, bend, |t| {
         Vec3::new(0.3 * t, -0.8 * t * t, 0.0)
     })
 }
 
 /// Patches that circle the z axis together, by `angle`, and keep their orientation.
 pub fn orbit(count: usize, rate: u16, keys: &[f32], angle: f32, seed: u64) -> DicedMesh {
-    carried(count, rate, keys, seed, |t| {
+    carried(count, rate, keys, seed, BEND, |t| {
         Vec3::new((angle * t).cos(), (angle * t).sin(), 0.0) * 0.5
     })
 }
@@ -56,6 +66,7 @@ fn carried(
     rate: u16,
     keys: &[f32],
     seed: u64,
+    bend: f32,
     path: impl Fn(f32) -> Vec3,
 ) -> DicedMesh {
     let mut rng = Rng(seed);
@@ -66,7 +77,7 @@ fn carried(
     mesh(&vec![(rate, rate); count], keys, move |g, u, v, t| {
         let (centre, axis, drift) = who[g];
         let (x, y) = (u - 0.5, v - 0.5);
-        let p = Vec3::new(x, y, 0.4 * (x * x - y * y));
+        let p = Vec3::new(x, y, bend * (x * x - y * y));
         let q = Quat::from_rotation_arc(Vec3::Z, axis);
         centre + q * p * size + drift * (0.5 * size * t) + path(t)
     })

@@ -102,6 +102,14 @@ pub fn sheet(n: usize, rate: u16, keys: &[f32]) -> DicedMesh {
 
 /// Curved patches of 16x16 that tumble in a cube.
 pub fn patches(count: usize, rate: u16, keys: &[f32], seed: u64) -> DicedMesh {
+    bent_patches(count, rate, keys, seed, BEND)
+}
+
+/// How much patches are bent, unless that is said.
+const BEND: f32 = 0.4;
+
+/// The same, bent so much.
+pub fn bent_patches(count: usize, rate: u16, keys: &[f32], seed: u64, bend: f32) -> DicedMesh {
     let mut rng = Rng(seed);
     let size = 1.2 / (count as f32).cbrt();
     let who: Vec<_> = (0..count)
@@ -120,7 +128,7 @@ pub fn patches(count: usize, rate: u16, keys: &[f32], seed: u64) -> DicedMesh {
         let q =
             glam::Quat::from_axis_angle(spin, 0.7 * t) * glam::Quat::from_axis_angle(axis, phase);
         let (x, y) = (u - 0.5, v - 0.5);
-        let p = Vec3::new(x, y, 0.4 * (x * x - y * y));
+        let p = Vec3::new(x, y, bend * (x * x - y * y));
         centre + q * p * size + drift * (0.5 * size * t)
     })
 }

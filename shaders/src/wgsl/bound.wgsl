@@ -34,8 +34,9 @@ const TINY: f32 = 1.0e-36;
 const LEAST: i32 = 0x01000000;
 // Bits of 2^60: coordinates and bounds from there on are not traced.
 const LIMIT: u32 = 0x5d800000u;
-// Relative cost of turning a ray into a frame, as core's.
-const TURN_COST: f32 = select(0.6, 0.65, MOVES);
+// Relative cost of turning a ray into a frame, and of what boxes there have above the surface; as core's.
+const TURN_COST: f32 = 0.5;
+const THICK: f32 = 2.0;
 // Frames are tried for blocks that are larger and nearer than this: no product overflows.
 const SMALLEST: f32 = 1.0e-12;
 const LARGEST: f32 = 1.0e9;
@@ -488,7 +489,8 @@ fn bound(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) group
                 var turned_start: array<Ends, 8>;
                 var turned_end: array<Ends, 8>;
                 _ = bound_groups(span, lattice, object, true, turn, &turned_start, &turned_end);
-                if cost(span.count, &turned_start, &turned_end) + price < straight {
+                let turned = cost(span.count, &turned_start, &turned_end);
+                if turned + THICK * (turned - surface) + price < straight {
                     start = turned_start;
                     end = turned_end;
                     frame = launch.frames + FRAME_WORDS * ((block - launch.blocks) / BLOCK_UNITS);
