@@ -44,7 +44,7 @@ frames() {
     rm -f "$table"
 }
 
-largest() { compare $out/largest.md --largest; }
+largest() { compare $out/largest.md --largest --samples 4; }
 
 scale() { .venv/bin/python scripts/plot_scale.py; }
 

@@ -41,7 +41,7 @@ hdtrapeze-peers: our tracer beside Embree 3, on the same micropolygons and rays
   --scene NAME     sheet, patches, fur or combed alone
   --order ORDER    camera rays by `tile`, `block` or `pixel`; all, and the best of them, without
   --image W H      1280 720; multiples of 4
-  --samples N      rays a pixel (4)
+  --samples N      rays a pixel (16)
   --rounds N       rounds (3)
   --cpu            rates by processor time, not by the clock on the wall
   --alone          without Embree
@@ -70,7 +70,7 @@ fn arguments(mut args: impl Iterator<Item = String>) -> Result<Arguments, String
     let mut options = Options {
         millions: 1.0,
         image: [1280, 720],
-        samples: 4,
+        samples: 16,
         secondary: 1_000_000,
         rounds: 3,
         clock: Clock::Wall,
