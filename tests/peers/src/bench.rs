@@ -19,6 +19,9 @@ use crate::scenes::{Family, Indices, Shape, Vertices, frozen};
 use crate::table::best;
 use crate::trace_scenes::Rng;
 
+/// Orders of camera rays.
+pub const ORDERS: [&str; 3] = ["tile", "block", "pixel"];
+
 /// What to run.
 #[derive(Clone, Debug)]
 pub struct Options {
@@ -380,15 +383,19 @@ pub fn run(
                 let how = format!("{:?} {}", t.call, load.name).trim().to_lowercase();
                 Ok((how, time_ours(world, load, t.call, clock)?))
             };
-            if let Some(t) = best_ours[group as usize] {
-                let (how, rate) = time(&world, t)?;
-                note(&mut ours, group, how, rate);
+            // Ours in turns, so that whatever ran before does not always run before the same.
+            let mut own = vec![(&world, &mut ours, best_ours)];
+            if let Some((world, upright)) = &mut upright {
+                own.push((world, upright, best_upright));
             }
-            if let Some((world, upright)) = &mut upright
-                && let Some(t) = best_upright[group as usize]
-            {
-                let (how, rate) = time(world, t)?;
-                note(upright, group, how, rate);
+            if round % 2 == 1 {
+                own.reverse();
+            }
+            for (world, tracer, best) in own {
+                if let Some(t) = best[group as usize] {
+                    let (how, rate) = time(world, t)?;
+                    note(tracer, group, how, rate);
+                }
             }
             for (k, &i) in kept.iter().enumerate() {
                 let (variant, calls) = &tried_calls[i];

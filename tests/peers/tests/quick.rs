@@ -57,5 +57,5 @@ fn an_unknown_option_fails() {
     let output = Command::new(env!("CARGO_BIN_EXE_peers"))
         .arg("--bogus")
         .output();
-    assert_eq!(output.expect("the bench starts").status.code(), Some(1));
+    assert_eq!(output.expect("the bench starts").status.code(), Some(2));
 }

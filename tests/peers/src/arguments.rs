@@ -1,0 +1,242 @@
+//! What is asked for on the command line.
+
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use clap::Parser;
+use clap::builder::PossibleValuesParser;
+
+use crate::bench::{ORDERS, Options};
+use crate::clock::Clock;
+use crate::embree::Variant;
+use crate::scenes::{Family, Shape};
+
+/// Rays that fit into the memory of most machines, in all orders: about 100 bytes each.
+const MOST_RAYS: usize = 1 << 28;
+
+/// Our tracer beside Embree 3, on the same micropolygons and rays.
+#[derive(Debug, Parser)]
+#[command(name = "peers")]
+pub struct Arguments {
+    /// Millions of micropolygons, up to 100 [default: 1]
+    #[arg(long, value_name = "M", value_parser = millions, conflicts_with = "largest")]
+    size: Option<f64>,
+
+    /// The sheet alone, of 48.9 million, on Embree's grids and quads
+    #[arg(long, conflicts_with = "quick")]
+    largest: bool,
+
+    /// A small run that checks, in seconds
+    #[arg(long)]
+    quick: bool,
+
+    /// One family alone
+    #[arg(long, value_parser = PossibleValuesParser::new(Family::ALL.map(Family::name)))]
+    scene: Option<String>,
+
+    /// One order of camera rays alone; without, all and the best of them
+    #[arg(long, value_parser = PossibleValuesParser::new(ORDERS))]
+    order: Option<String>,
+
+    /// Pixels, multiples of 4 [default: 1280 720]
+    #[arg(long, num_args = 2, value_names = ["W", "H"], value_parser = pixels)]
+    image: Option<Vec<usize>>,
+
+    /// Rays a pixel
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = positive)]
+    samples: usize,
+
+    /// Rounds, of which the best counts [default: 3]
+    #[arg(long, value_name = "N", value_parser = positive)]
+    rounds: Option<usize>,
+
+    /// Rates by processor time, not by the clock on the wall
+    #[arg(long)]
+    cpu: bool,
+
+    /// Without Embree
+    #[arg(long)]
+    alone: bool,
+
+    /// Ours also without oriented frames, each in its best way, in turns with the rest; memory's peaks are of both
+    #[arg(long)]
+    frames: bool,
+
+    /// Writes the tables there too, after each scene those that there are
+    #[arg(long, value_name = "FILE")]
+    pub markdown: Option<PathBuf>,
+
+    /// Writes numbers of ours there, after each scene, for scripts/plot_scale.py
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+}
+
+fn millions(text: &str) -> Result<f64, String> {
+    let millions = f64::from_str(text).map_err(|e| e.to_string())?;
+    // Written so that NaN fails.
+    if millions > 0.0 && millions <= 100.0 {
+        Ok(millions)
+    } else {
+        Err("must be more than 0, and 100 at most".into())
+    }
+}
+
+fn positive(text: &str) -> Result<usize, String> {
+    match usize::from_str(text).map_err(|e| e.to_string())? {
+        0 => Err("must be 1 or more".into()),
+        n => Ok(n),
+    }
+}
+
+fn pixels(text: &str) -> Result<usize, String> {
+    let n = positive(text)?;
+    if n.is_multiple_of(4) {
+        Ok(n)
+    } else {
+        Err("must be a multiple of 4".into())
+    }
+}
+
+impl Arguments {
+    /// The scenes that are asked for.
+    pub fn families(&self) -> Vec<Family> {
+        let asked = |f: &Family| match &self.scene {
+            Some(name) => f.name() == name,
+            None => !self.largest || *f == Family::Sheet,
+        };
+        Family::ALL.into_iter().filter(asked).collect()
+    }
+
+    /// What to run on each.
+    ///
+    /// # Errors
+    /// Arguments that do not go together, or ask for more rays than there is memory for.
+    pub fn options(&self) -> Result<Options, String> {
+        if self.largest && self.families() != [Family::Sheet] {
+            return Err("--largest has the sheet alone".into());
+        }
+        let (size, image, rounds) = if self.quick {
+            (0.01, [64, 48], 1)
+        } else {
+            (1.0, [1280, 720], 3)
+        };
+        let size = if self.largest {
+            // 437 x 437 grids of 16 x 16.
+            (437.0f64 / 62.5).powi(2)
+        } else {
+            self.size.unwrap_or(size)
+        };
+        let image = match self.image.as_deref() {
+            Some(&[width, height]) => [width, height],
+            _ => image,
+        };
+        let rays = image[0]
+            .checked_mul(image[1])
+            .and_then(|n| n.checked_mul(self.samples));
+        if rays.is_none_or(|n| n > MOST_RAYS) {
+            return Err(format!(
+                "{} x {} pixels of {} rays are more than {MOST_RAYS}",
+                image[0], image[1], self.samples
+            ));
+        }
+        let orders = ORDERS.into_iter();
+        let orders = orders.filter(|&o| self.order.as_deref().is_none_or(|name| o == name));
+        Ok(Options {
+            millions: size,
+            image,
+            samples: self.samples,
+            secondary: if self.quick { 2000 } else { 1_000_000 },
+            rounds: self.rounds.unwrap_or(rounds),
+            clock: if self.cpu { Clock::Cpu } else { Clock::Wall },
+            orders: orders.collect(),
+            variants: self.variants(),
+            checks: if self.quick { 20 } else { 100 },
+            screen: if self.quick { 1 } else { 16 },
+            alone: self.alone,
+            frames: self.frames,
+        })
+    }
+
+    /// Those of Embree's that are tried.
+    fn variants(&self) -> Vec<Variant> {
+        let of = |(shape, high, compact)| Variant {
+            shape,
+            high,
+            compact,
+        };
+        if self.largest {
+            return [Shape::Grid, Shape::Quad]
+                .map(|s| of((s, false, false)))
+                .into();
+        }
+        let all = [
+            (Shape::Grid, false, false),
+            (Shape::Grid, false, true),
+            (Shape::Quad, false, false),
+            (Shape::Quad, true, false),
+            (Shape::Quad, false, true),
+            (Shape::Triangle, false, false),
+            (Shape::Triangle, true, false),
+            (Shape::Triangle, false, true),
+        ];
+        all.map(of).into()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn asked(words: &str) -> Result<Options, String> {
+        let words = std::iter::once("peers").chain(words.split_whitespace());
+        let arguments = Arguments::try_parse_from(words).map_err(|e| e.to_string())?;
+        arguments.options()
+    }
+
+    #[test]
+    fn what_is_not_asked_for_has_its_default() {
+        let options = asked("").unwrap();
+        assert_eq!((options.millions, options.samples), (1.0, 16));
+        assert_eq!((options.image, options.rounds), ([1280, 720], 3));
+        assert_eq!((options.orders.len(), options.variants.len()), (3, 8));
+        // Whatever comes first.
+        for words in [
+            "--quick --rounds 2 --image 8 4",
+            "--image 8 4 --rounds 2 --quick",
+        ] {
+            let options = asked(words).unwrap();
+            assert_eq!((options.image, options.rounds), ([8, 4], 2));
+            assert_eq!(options.millions, 0.01);
+        }
+        let options = asked("--largest --order block").unwrap();
+        assert!((options.millions - 48.9).abs() < 0.1);
+        assert_eq!((options.orders, options.variants.len()), (vec!["block"], 2));
+    }
+
+    #[test]
+    fn what_cannot_be_run_is_refused_by_name() {
+        for (words, told) in [
+            ("--size 0", "more than 0"),
+            ("--size nan", "more than 0"),
+            ("--size 1e9", "100 at most"),
+            ("--size x", "invalid float"),
+            ("--size", "--size <M>"),
+            ("--samples 0", "1 or more"),
+            ("--samples -1", "-1"),
+            ("--rounds 0", "1 or more"),
+            ("--image 6 4", "multiple of 4"),
+            ("--image 8", "2 values"),
+            ("--image 100000 100000", "are more than"),
+            ("--samples 18446744073709551615", "are more than"),
+            ("--scene hair", "sheet, patches, fur, combed"),
+            ("--order row", "tile, block, pixel"),
+            ("--largest --scene fur", "the sheet alone"),
+            ("--largest --size 2", "cannot be used with"),
+            ("--largest --quick", "cannot be used with"),
+            ("--bogus", "--bogus"),
+        ] {
+            let message = asked(words).expect_err(words);
+            assert!(message.contains(told), "{words}: {message}");
+        }
+    }
+}
