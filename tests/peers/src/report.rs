@@ -30,7 +30,7 @@ pub fn heading(embree: Option<&Embree>, options: &Options) -> String {
     )
 }
 
-/// A ratio, NaN where there is nothing to divide by.
+/// A ratio, `-` where there is nothing to divide or to divide by.
 fn ratio(a: f64, b: f64) -> String {
     if a > 0.0 && b > 0.0 {
         number(a / b)
