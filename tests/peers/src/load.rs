@@ -156,8 +156,10 @@ pub fn trace(world: &World, rays: &[Ray], way: Way, hits: &mut [Hit]) -> TraceCo
 
 /// Times ours on a load, and checks that the answers are those that are compared with Embree's.
 pub fn time_ours(world: &World, load: &Load, way: Way, clock: Clock) -> Result<f64, String> {
-    let mut hits = vec![Hit::MISS; load.rays.len()];
-    let (_, seconds) = clock.time(|| trace(world, &load.rays, way, &mut hits));
+    let fresh = || vec![Hit::MISS; load.rays.len()];
+    let (hits, seconds) = clock.mean(fresh, |hits| {
+        trace(world, &load.rays, way, hits);
+    });
     let same = hits.iter().zip(&load.hits).all(|(a, b)| match way {
         Way::Any | Way::AnyPackets => a.is_hit() == b.is_hit(),
         _ => a == b,
@@ -177,8 +179,8 @@ pub fn time_peer(
     clock: Clock,
     check: Option<&Judge<'_>>,
 ) -> (f64, Tally) {
-    let mut batch = Batch::new(call.width, &load.rays);
-    let ((), seconds) = clock.time(|| scene.trace(&mut batch, call));
+    let fresh = || Batch::new(call.width, &load.rays);
+    let (batch, seconds) = clock.mean(fresh, |batch| scene.trace(batch, call));
     let mut tally = Tally::default();
     if let Some(judge) = check {
         let parts: Vec<Tally> = (0..load.rays.len())
