@@ -95,8 +95,8 @@ pub fn by_block<T: Copy>(of_rays: &[T], [width, height]: [usize; 2], samples: us
     out
 }
 
-/// One ray from each of about `count` hits, evenly chosen: into the cosine-weighted hemisphere on the side
-/// that the ray came from, at its time. A multiple of 16 of them.
+/// One ray from each of about `count` hits, evenly chosen, at a time of its own: from where the point that was hit
+/// is then, into the cosine-weighted hemisphere on the side that the ray came from. A multiple of 16 of them.
 pub fn secondary(mesh: &PlanarMesh, rays: &[Ray], hits: &[Hit], count: usize) -> Vec<Ray> {
     let mut rng = Rng(17);
     let found = hits.iter().filter(|h| h.is_hit()).count();
@@ -104,7 +104,8 @@ pub fn secondary(mesh: &PlanarMesh, rays: &[Ray], hits: &[Hit], count: usize) ->
     let mut out = Vec::with_capacity(found / step + 1);
     let hits = rays.iter().zip(hits).filter(|(_, hit)| hit.is_hit());
     for (r, hit) in hits.step_by(step) {
-        let (normal, size) = normal_of(mesh, hit, r.time);
+        let time = rng.unit();
+        let (point, normal, size) = spot(mesh, hit, time);
         let normal = if normal.dot(r.dir) > 0.0 {
             -normal
         } else {
@@ -112,32 +113,75 @@ pub fn secondary(mesh: &PlanarMesh, rays: &[Ray], hits: &[Hit], count: usize) ->
         };
         // A point on the unit sphere about the normal's tip: cosine-weighted.
         let dir = (normal + 0.999 * rng.direction()).normalize();
-        let point = r.origin + r.dir * hit.t + normal * (0.05 * size);
-        out.push(ray(point, dir, r.time));
+        out.push(ray(point + normal * (0.05 * size), dir, time));
     }
     out.truncate(out.len() / 16 * 16);
     out
 }
 
-/// Unit normal, and size, of a micropolygon at a time.
-fn normal_of(mesh: &PlanarMesh, hit: &Hit, time: f32) -> (Vec3, f32) {
+/// Where the point of a hit is at a time, and its micropolygon's unit normal and size.
+fn spot(mesh: &PlanarMesh, hit: &Hit, time: f32) -> (Vec3, Vec3, f32) {
     let g = hit.grid as usize;
     let nu = usize::from(mesh.grids[g].nu);
     let first = hit.cell as usize / nu * (nu + 1) + hit.cell as usize % nu;
     let (key, f) = locate_key(&mesh.key_times, time);
     let next = (key + 1).min(mesh.key_count() - 1);
     let at = |i: usize| lerp_position(mesh.position(g, key, i), mesh.position(g, next, i), f);
-    let (a, b) = (
-        at(first + nu + 2) - at(first),
-        at(first + nu + 1) - at(first + 1),
-    );
-    let normal = a.cross(b);
-    (normal.normalize_or(Vec3::Z), normal.length().sqrt())
+    let [p00, p10, p11, p01] = [first, first + 1, first + nu + 2, first + nu + 1].map(at);
+    let (u, v) = (hit.u, hit.v);
+    let point = if u >= v {
+        p00 * (1.0 - u) + p10 * (u - v) + p11 * v
+    } else {
+        p00 * (1.0 - v) + p01 * (v - u) + p11 * u
+    };
+    let normal = (p11 - p00).cross(p01 - p10);
+    (point, normal.normalize_or(Vec3::Z), normal.length().sqrt())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scenes::Family;
+    use crate::trace_scenes::{object, world_of};
+    use hdtrapeze_core::trace::TraceCounts;
+
+    #[test]
+    fn rays_leave_what_was_hit_where_it_is_at_times_of_their_own() {
+        for family in [Family::Sheet, Family::Patches] {
+            let mesh = family.moving(0.01);
+            let (object, world) = (object(mesh.clone()), world_of(mesh));
+            let rays = family.lens().rays([32, 32], 4);
+            let trace = |r: &Ray| world.trace(r, &mut TraceCounts::default());
+            let hits: Vec<Hit> = rays.iter().map(trace).collect();
+            let (mut halves, mut moved) = ([0, 0], 0.0f32);
+            for (r, hit) in rays.iter().zip(&hits).filter(|(_, hit)| hit.is_hit()) {
+                let (point, ..) = spot(object.mesh(), hit, r.time);
+                let off = (r.origin + r.dir * hit.t - point).length();
+                assert!(off < 5e-6, "{}: {off}", family.name());
+                halves[usize::from(hit.u < hit.v)] += 1;
+                let (begin, ..) = spot(object.mesh(), hit, 0.0);
+                let (end, ..) = spot(object.mesh(), hit, 1.0);
+                moved = moved.max((end - begin).length());
+            }
+            assert!(halves[0] > 100 && halves[1] > 100, "{halves:?}");
+            assert!(moved > 0.01, "{moved}");
+
+            let leaving = secondary(object.mesh(), &rays, &hits, rays.len());
+            let found = rays.iter().zip(&hits).filter(|(_, hit)| hit.is_hit());
+            let mut sum = 0.0;
+            for ((from, hit), r) in found.zip(&leaving) {
+                assert!((0.0..1.0).contains(&r.time));
+                let (point, normal, size) = spot(object.mesh(), hit, r.time);
+                assert!((r.origin - point).length() < 0.051 * size + 5e-6);
+                // Away from the side that was seen.
+                assert!(normal.dot(r.dir) * normal.dot(from.dir) <= 1e-6);
+                sum += (r.time - from.time).abs();
+            }
+            // A third for times that have nothing to do with each other.
+            let mean = sum / leaving.len() as f32;
+            assert!((mean - 1.0 / 3.0).abs() < 0.05, "{mean}");
+        }
+    }
 
     #[test]
     fn orders_hold_every_ray_once() {

@@ -228,7 +228,7 @@ fn blur(reports: &[Report]) -> Table {
 fn leaving(reports: &[Report]) -> Table {
     let mut table = Table::new(
         "Rays that leave surfaces",
-        "Million rays a second: from camera hits, cosine-weighted, at the camera ray's time.",
+        "Million rays a second: from camera hits, cosine-weighted, each at a time of its own.",
         &[
             "scene",
             "query",
