@@ -9,9 +9,10 @@ use clap::builder::PossibleValuesParser;
 use crate::bench::{ORDERS, Options};
 use crate::clock::Clock;
 use crate::embree::Variant;
+use crate::kept::clash;
 use crate::scenes::{Family, Shape};
 
-/// Rays that fit into the memory of most machines, in all orders: about 100 bytes each.
+/// More than this nobody needs; whether there is memory for fewer is told by [`Options::fit`].
 const MOST_RAYS: usize = 1 << 28;
 
 /// Our tracer beside Embree 3, on the same micropolygons and rays.
@@ -26,13 +27,13 @@ pub struct Arguments {
     #[arg(long, conflicts_with = "quick")]
     largest: bool,
 
-    /// A small run that checks, in seconds
+    /// A small run that checks, in about a minute
     #[arg(long)]
     quick: bool,
 
-    /// One family alone
+    /// One family alone, or several by naming it again [default: all]
     #[arg(long, value_parser = PossibleValuesParser::new(Family::ALL.map(Family::name)))]
-    scene: Option<String>,
+    scene: Vec<String>,
 
     /// One order of camera rays alone; without, all and the best of them
     #[arg(long, value_parser = PossibleValuesParser::new(ORDERS))]
@@ -98,11 +99,11 @@ fn pixels(text: &str) -> Result<usize, String> {
 }
 
 impl Arguments {
-    /// The scenes that are asked for.
+    /// The scenes that are asked for, in the order of [`Family::ALL`].
     pub fn families(&self) -> Vec<Family> {
-        let asked = |f: &Family| match &self.scene {
-            Some(name) => f.name() == name,
-            None => !self.largest || *f == Family::Sheet,
+        let asked = |f: &Family| match &self.scene[..] {
+            [] => !self.largest || *f == Family::Sheet,
+            names => names.iter().any(|name| f.name() == name),
         };
         Family::ALL.into_iter().filter(asked).collect()
     }
@@ -110,10 +111,16 @@ impl Arguments {
     /// What to run on each.
     ///
     /// # Errors
-    /// Arguments that do not go together, or ask for more rays than there is memory for.
+    /// Arguments that do not go together, or ask for more rays than any machine has memory for.
     pub fn options(&self) -> Result<Options, String> {
         if self.largest && self.families() != [Family::Sheet] {
             return Err("--largest has the sheet alone".into());
+        }
+        if let (Some(a), Some(b)) = (&self.markdown, &self.json)
+            && clash(a, b)
+        {
+            let (a, b) = (a.display(), b.display());
+            return Err(format!("--markdown {a} and --json {b} name the same file"));
         }
         let (size, image, rounds) = if self.quick {
             (0.01, [64, 48], 1)
@@ -194,6 +201,44 @@ mod tests {
     }
 
     #[test]
+    fn scenes_come_in_their_order() {
+        use Family::{Combed, Fur, Patches, Sheet};
+        for (words, families) in [
+            ("", &Family::ALL[..]),
+            ("--scene fur", &[Fur]),
+            ("--scene fur --scene sheet", &[Sheet, Fur]),
+            (
+                "--scene combed --scene patches --scene combed",
+                &[Patches, Combed],
+            ),
+            ("--largest", &[Sheet]),
+            ("--largest --scene sheet", &[Sheet]),
+        ] {
+            let words: Vec<&str> = ["peers"]
+                .into_iter()
+                .chain(words.split_whitespace())
+                .collect();
+            let arguments = Arguments::try_parse_from(&words).unwrap();
+            assert_eq!(arguments.families(), families, "{words:?}");
+        }
+    }
+
+    #[test]
+    fn rays_need_memory() {
+        let options = asked("").unwrap();
+        assert!(options.fit(0).is_ok(), "nobody knows how much there is");
+        assert!(options.fit(16 << 30).is_ok());
+        let message = options.fit(1 << 30).unwrap_err();
+        assert!(message.contains("14.7 million rays"), "{message}");
+        // Fewer orders, fewer samples, no Embree: less of it.
+        for words in ["--order tile", "--samples 4", "--alone"] {
+            let less = asked(words).unwrap().ray_memory();
+            assert!(less < options.ray_memory(), "{words}");
+        }
+        assert!(asked("--quick").unwrap().fit(1 << 27).is_ok());
+    }
+
+    #[test]
     fn what_is_not_asked_for_has_its_default() {
         let options = asked("").unwrap();
         assert_eq!((options.millions, options.samples), (1.0, 16));
@@ -231,6 +276,12 @@ mod tests {
             ("--scene hair", "sheet, patches, fur, combed"),
             ("--order row", "tile, block, pixel"),
             ("--largest --scene fur", "the sheet alone"),
+            ("--largest --scene sheet --scene fur", "the sheet alone"),
+            ("--markdown f --json f", "--markdown f and --json f name"),
+            (
+                "--markdown f --json ./f",
+                "--markdown f and --json ./f name",
+            ),
             ("--largest --size 2", "cannot be used with"),
             ("--largest --quick", "cannot be used with"),
             ("--bogus", "--bogus"),

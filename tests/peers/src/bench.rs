@@ -11,12 +11,13 @@ use crate::batch::Call;
 use crate::clock::{Clock, forget_peak, free_memory, peak_memory};
 use crate::compare::{Judge, Tally};
 use crate::embree::{Embree, Refusal, Scene, Variant};
+use crate::ffi::RayHit;
 use crate::load::{
     Group, Load, Way, built, built_upright, calls, time_ours, time_peer, trace, ways,
 };
 use crate::rays::{by_block, by_pixel, secondary};
 use crate::scenes::{Family, Indices, Shape, Vertices, frozen};
-use crate::table::best;
+use crate::table::{best, number};
 use crate::trace_scenes::Rng;
 
 /// Orders of camera rays.
@@ -42,6 +43,43 @@ pub struct Options {
     pub alone: bool,
     /// Ours also without oriented frames.
     pub frames: bool,
+}
+
+impl Options {
+    /// About how many bytes camera rays take at the most: each order has them with their hits, and a part of both for
+    /// trials; besides there is one order more while they are made, or what one tracer is given, which is more for Embree.
+    pub fn ray_memory(&self) -> f64 {
+        let kept = (size_of::<Ray>() + size_of::<Hit>()) as f64;
+        let given = if self.alone {
+            kept
+        } else {
+            kept.max(size_of::<RayHit<1>>() as f64)
+        };
+        let orders = self.orders.len() as f64 * (1.0 + 1.0 / self.screen as f64);
+        self.rays() * (orders * kept + given)
+    }
+
+    fn rays(&self) -> f64 {
+        (self.image[0] * self.image[1] * self.samples) as f64
+    }
+
+    /// Whether so many bytes are enough for all rays; 0 where that is not known.
+    ///
+    /// # Errors
+    /// They are not.
+    pub fn fit(&self, free: u64) -> Result<(), String> {
+        let gib = |bytes: f64| number(bytes / f64::from(1 << 30));
+        let needed = self.ray_memory();
+        if free == 0 || needed <= free as f64 {
+            return Ok(());
+        }
+        Err(format!(
+            "{} million rays take about {} GiB, and {} GiB are free: ask for fewer --samples, a smaller --image or one --order",
+            number(self.rays() * 1e-6),
+            gib(needed),
+            gib(free as f64)
+        ))
+    }
 }
 
 /// Rates of one tracer on one group: million rays a second, in each round.

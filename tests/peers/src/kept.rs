@@ -18,9 +18,7 @@ impl Kept {
         if file.is_dir() {
             return Err(format!("{}: is a folder", file.display()));
         }
-        let mut name = OsString::from(file);
-        name.push(".part");
-        let part = PathBuf::from(name);
+        let part = part(file);
         fs::File::create(&part).map_err(|e| told(file, &e))?;
         Ok(Self(Some([part, file.into()])))
     }
@@ -41,6 +39,34 @@ impl Drop for Kept {
             // Nothing was written since.
             let _ = fs::remove_file(part);
         }
+    }
+}
+
+/// Where a file's text is written before it is whole.
+fn part(file: &Path) -> PathBuf {
+    let mut name = OsString::from(file);
+    name.push(".part");
+    name.into()
+}
+
+/// Whether two files are one, however they are spelled, or one is where the other is written first.
+pub fn clash(a: &Path, b: &Path) -> bool {
+    let (a, b) = (resolved(a), resolved(b));
+    a == b || a == part(&b) || part(&a) == b
+}
+
+/// The same for each spelling of a file's name, also where there is no file yet.
+fn resolved(file: &Path) -> PathBuf {
+    if let Ok(path) = file.canonicalize() {
+        return path;
+    }
+    let folder = match file.parent() {
+        Some(folder) if folder != Path::new("") => folder,
+        _ => Path::new("."),
+    };
+    match (folder.canonicalize(), file.file_name()) {
+        (Ok(folder), Some(name)) => folder.join(name),
+        _ => file.into(),
     }
 }
 
@@ -70,6 +96,26 @@ mod tests {
         let message = Kept::beside(Some(&folder.join("none/tables.md"))).unwrap_err();
         assert!(message.contains("tables.md"), "{message}");
         assert!(Kept::beside(Some(&folder)).is_err());
+        fs::remove_dir_all(&folder).unwrap();
+    }
+
+    #[test]
+    fn a_file_is_the_same_however_it_is_spelled() {
+        let folder = std::env::temp_dir().join(format!("peers-clash-{}", std::process::id()));
+        fs::create_dir_all(folder.join("in")).unwrap();
+        let at = |name: &str| folder.join(name);
+        // First where there is no file yet.
+        for _ in 0..2 {
+            for same in ["f", "./f", "in/../f", "f.part"] {
+                assert!(clash(&at("f"), &at(same)), "{same}");
+                assert!(clash(&at(same), &at("f")), "{same}");
+            }
+            for other in ["g", "in/f", "none/f", "f.md"] {
+                assert!(!clash(&at("f"), &at(other)), "{other}");
+            }
+            fs::write(at("f"), "").unwrap();
+        }
+        assert!(clash(Path::new("f"), Path::new("./f")));
         fs::remove_dir_all(&folder).unwrap();
     }
 }

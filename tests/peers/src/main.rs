@@ -27,11 +27,13 @@ mod table;
 #[path = "../../../core/tests/trace_scenes/mod.rs"]
 mod trace_scenes;
 
+use std::io::{self, Write};
 use std::process::ExitCode;
 
 use arguments::Arguments;
 use bench::{Options, Report};
 use clap::Parser;
+use clock::free_memory;
 use embree::Embree;
 use kept::Kept;
 use scenes::{Family, frozen};
@@ -60,31 +62,46 @@ fn scenes(
     Ok(())
 }
 
+/// Writes to standard output. That whoever reads there has read enough is no error, and what is kept in files goes on.
+fn show(text: &str) -> Result<(), String> {
+    let mut out = io::stdout();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(e) if e.kind() != io::ErrorKind::BrokenPipe => Err(format!("standard output: {e}")),
+        _ => Ok(()),
+    }
+}
+
+/// Tells those who wait, if there are any.
+fn tell(line: &str) {
+    let _ = writeln!(io::stderr(), "{line}");
+}
+
 fn run(arguments: &Arguments) -> Result<(), String> {
     let options = arguments.options()?;
+    options.fit(free_memory())?;
     let markdown = Kept::beside(arguments.markdown.as_deref())?;
     let json = Kept::beside(arguments.json.as_deref())?;
     let embree = (!options.alone).then(Embree::find).flatten();
     let heading = report::heading(embree.as_ref(), &options);
-    print!("{heading}");
+    show(&heading)?;
     let mut reports = Vec::new();
     let families = arguments.families();
     let outcome = scenes(&families, &options, embree.as_ref(), |report| {
-        eprintln!("{}", report::line(&report));
+        tell(&report::line(&report));
         reports.push(report);
         markdown.write(|| format!("{heading}{}", report::tables(&reports)))?;
         json.write(|| report::numbers(&reports))
     });
     // Also those before a scene that failed.
-    print!("{}", report::tables(&reports));
-    outcome
+    let shown = show(&report::tables(&reports));
+    outcome.and(shown)
 }
 
 fn main() -> ExitCode {
     match run(&Arguments::parse()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(message) => {
-            eprintln!("peers: {message}");
+            tell(&format!("peers: {message}"));
             ExitCode::FAILURE
         }
     }

@@ -1,6 +1,7 @@
 //! The small run checks every tracer that is installed, and prints its tables.
 
-use std::process::Command;
+use std::io::{BufRead, BufReader};
+use std::process::{Command, Stdio};
 
 /// Runs the bench, and gives the tables that it wrote, which are those it printed.
 fn tables(options: &[&str]) -> String {
@@ -58,4 +59,19 @@ fn an_unknown_option_fails() {
         .arg("--bogus")
         .output();
     assert_eq!(output.expect("the bench starts").status.code(), Some(2));
+}
+
+#[test]
+fn who_has_read_enough_is_no_error() {
+    let mut child = Command::new(env!("CARGO_BIN_EXE_peers"))
+        .args(["--quick", "--alone", "--scene", "sheet"])
+        .stdout(Stdio::piped())
+        .spawn()
+        .expect("the bench starts");
+    let mut line = String::new();
+    let mut reader = BufReader::new(child.stdout.take().expect("a pipe"));
+    reader.read_line(&mut line).expect("a line");
+    drop(reader);
+    assert_eq!(line, "Embree: left out\n");
+    assert!(child.wait().expect("an end").success());
 }
