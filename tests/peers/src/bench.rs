@@ -4,6 +4,8 @@
 //! the best ones, Embree's grids, and ours are timed in turns. Nothing is timed for the report before all
 //! its answers were compared.
 
+use std::iter::once;
+
 use hdtrapeze_core::grid::DicedMesh;
 use hdtrapeze_core::trace::{Hit, Ray, TraceCounts, World, brute};
 
@@ -89,6 +91,12 @@ pub struct Traced {
     pub rates: Vec<f64>,
 }
 
+impl Traced {
+    fn best(&self) -> f64 {
+        best(&self.rates).max(0.0)
+    }
+}
+
 /// One tracer on one scene.
 #[derive(Clone, Debug, Default)]
 pub struct Tracer {
@@ -101,8 +109,10 @@ pub struct Tracer {
     pub peak_bytes: f64,
     /// Bytes of index buffers a micropolygon.
     pub index_bytes: f64,
-    /// By [`Group`].
+    /// By [`Group`], in the best way.
     pub traced: [Option<Traced>; 3],
+    /// Ours on camera rays, by [`ORDERS`].
+    pub orders: [Option<Traced>; 3],
     /// Why there is nothing.
     pub refused: Option<String>,
 }
@@ -111,7 +121,15 @@ impl Tracer {
     /// The best rate on a group; 0 without.
     pub fn rate(&self, group: Group) -> f64 {
         let traced = self.traced[group as usize].as_ref();
-        traced.map_or(0.0, |t| best(&t.rates).max(0.0))
+        traced.map_or(0.0, Traced::best)
+    }
+
+    /// The best rate on camera rays in one of [`ORDERS`]; 0 without.
+    pub fn rate_by(&self, order: &str) -> f64 {
+        let traced = ORDERS.iter().zip(&self.orders).find(|(o, _)| **o == order);
+        traced
+            .and_then(|(_, t)| t.as_ref())
+            .map_or(0.0, Traced::best)
     }
 }
 
@@ -243,9 +261,8 @@ pub fn run(
     let mut leaving_hits = vec![Hit::MISS; leaving.len()];
     trace(&world, &leaving, Way::Packets, &mut leaving_hits);
     let mut loads = Vec::new();
-    let mut load = |name, group, rays: &[Ray], hits: &[Hit]| {
+    let mut load = |name, group, rays: Vec<Ray>, hits: Vec<Hit>| {
         if !rays.is_empty() {
-            let (rays, hits) = (rays.to_vec(), hits.to_vec());
             loads.push(Load {
                 name,
                 group,
@@ -254,33 +271,30 @@ pub fn run(
             });
         }
     };
-    if options.orders.contains(&"tile") {
-        load("by tile", Group::Camera, &rays, &hits);
+    let (image, samples) = (options.image, options.samples);
+    for &order in &options.orders {
+        let (rays, hits) = match order {
+            "tile" => (rays.clone(), hits.clone()),
+            "block" => (
+                by_block(&rays, image, samples),
+                by_block(&hits, image, samples),
+            ),
+            _ => (by_pixel(&rays, samples), by_pixel(&hits, samples)),
+        };
+        load(order, Group::Camera, rays, hits);
     }
-    if options.orders.contains(&"block") {
-        let (rays, hits) = (
-            by_block(&rays, options.image, options.samples),
-            by_block(&hits, options.image, options.samples),
-        );
-        load("by block", Group::Camera, &rays, &hits);
-    }
-    if options.orders.contains(&"pixel") {
-        let (rays, hits) = (
-            by_pixel(&rays, options.samples),
-            by_pixel(&hits, options.samples),
-        );
-        load("by pixel", Group::Camera, &rays, &hits);
-    }
-    load("", Group::Bounce, &leaving, &leaving_hits);
-    load("", Group::Shadow, &leaving, &leaving_hits);
-    drop((rays, hits, leaving, leaving_hits));
+    drop((rays, hits));
+    load("", Group::Bounce, leaving.clone(), leaving_hits.clone());
+    load("", Group::Shadow, leaving, leaving_hits);
     let parts: Vec<Load> = loads.iter().map(|l| l.part(options.screen)).collect();
 
-    // Ours, each way on a part. Processor time, so that the choice does not depend on what else runs.
+    // Ours, each way on a part, the best for each load. Processor time, so that the choice does not depend on what
+    // else runs.
     let trial = Clock::Cpu;
-    let best_ways = |world: &World| -> Result<[Option<Tried<Way>>; 3], String> {
-        let mut tried = Vec::new();
+    let best_ways = |world: &World| -> Result<Vec<Tried<Way>>, String> {
+        let mut best = Vec::new();
         for (i, load) in parts.iter().enumerate() {
+            let mut tried = Vec::new();
             for &way in ways(load.group) {
                 let mut rate = time_ours(world, load, way, trial)?;
                 rate = rate.max(time_ours(world, load, way, trial)?);
@@ -290,13 +304,14 @@ pub fn run(
                     rate,
                 });
             }
+            best.extend(best_of(&tried, &loads, load.group));
         }
-        Ok(Group::ALL.map(|group| best_of(&tried, &loads, group)))
+        Ok(best)
     };
-    let best_ours = best_ways(&world)?;
-    let best_upright = match &upright {
+    let ways_ours = best_ways(&world)?;
+    let ways_upright = match &upright {
         Some((world, _)) => best_ways(world)?,
-        None => [None; 3],
+        None => Vec::new(),
     };
 
     // Embree, each variant and call on a part.
@@ -356,9 +371,7 @@ pub fn run(
             for group in Group::ALL {
                 tracer.traced[group as usize] =
                     best_of(&of_variant, &loads, group).map(|t| Traced {
-                        how: format!("{} {}", t.call.name(), loads[t.load].name)
-                            .trim()
-                            .into(),
+                        how: loads[t.load].how(&t.call.name()),
                         rates: vec![t.rate],
                     });
             }
@@ -416,23 +429,26 @@ pub fn run(
     // Rays, in turns.
     for round in 0..options.rounds {
         for group in Group::ALL {
-            let time = |world: &World, t: Tried<Way>| -> Result<(String, f64), String> {
-                let load = &loads[t.load];
-                let how = format!("{:?} {}", t.call, load.name).trim().to_lowercase();
-                Ok((how, time_ours(world, load, t.call, clock)?))
-            };
             // Ours in turns, so that whatever ran before does not always run before the same.
-            let mut own = vec![(&world, &mut ours, best_ours)];
+            let mut own = vec![(&world, &mut ours, &ways_ours)];
             if let Some((world, upright)) = &mut upright {
-                own.push((world, upright, best_upright));
+                own.push((world, upright, &ways_upright));
             }
             if round % 2 == 1 {
                 own.reverse();
             }
-            for (world, tracer, best) in own {
-                if let Some(t) = best[group as usize] {
-                    let (how, rate) = time(world, t)?;
-                    note(tracer, group, how, rate);
+            for (world, tracer, ways) in own {
+                // Camera rays in every order.
+                for t in ways.iter().filter(|t| loads[t.load].group == group) {
+                    let load = &loads[t.load];
+                    let how = load.how(&format!("{:?}", t.call).to_lowercase());
+                    let rate = time_ours(world, load, t.call, clock)?;
+                    let order = ORDERS.iter().position(|&order| order == load.name);
+                    let traced = match order {
+                        Some(order) => &mut tracer.orders[order],
+                        None => &mut tracer.traced[group as usize],
+                    };
+                    note(traced, how, rate);
                 }
             }
             for (k, &i) in kept.iter().enumerate() {
@@ -441,17 +457,20 @@ pub fn run(
                     continue;
                 };
                 let load = &loads[t.load];
-                let how = format!("{} {}", t.call.name(), load.name)
-                    .trim()
-                    .to_string();
+                let how = load.how(&t.call.name());
                 let check = (round == 0).then_some(&judge);
                 let (rate, tally) = time_peer(scene, load, t.call, clock, check);
                 if round == 0 {
                     settle(group, tally, &format!("{name}, {} {how}", variant.name()))?;
                 }
-                note(&mut peers[k], group, how, rate);
+                note(&mut peers[k].traced[group as usize], how, rate);
             }
         }
+    }
+    for tracer in once(&mut ours).chain(upright.iter_mut().map(|(_, tracer)| tracer)) {
+        let orders = tracer.orders.iter().flatten();
+        let best = orders.max_by(|a, b| a.best().total_cmp(&b.best()));
+        tracer.traced[Group::Camera as usize] = best.cloned();
     }
     peaks[1] = peak_memory();
     Ok(Report {
@@ -472,13 +491,10 @@ pub fn run(
     })
 }
 
-fn note(tracer: &mut Tracer, group: Group, how: String, rate: f64) {
+fn note(traced: &mut Option<Traced>, how: String, rate: f64) {
     let none = || Traced {
         how,
         rates: Vec::new(),
     };
-    tracer.traced[group as usize]
-        .get_or_insert_with(none)
-        .rates
-        .push(rate);
+    traced.get_or_insert_with(none).rates.push(rate);
 }

@@ -40,6 +40,7 @@ impl Group {
 /// Rays, with the answers that are expected.
 #[derive(Debug)]
 pub struct Load {
+    /// The order of camera rays; empty for others.
     pub name: &'static str,
     pub group: Group,
     pub rays: Vec<Ray>,
@@ -98,6 +99,14 @@ impl Load {
             rays: blocks(&self.rays, every),
             hits: blocks(&self.hits, every),
             ..*self
+        }
+    }
+
+    /// How these are traced, in words.
+    pub fn how(&self, call: &str) -> String {
+        match self.name {
+            "" => call.into(),
+            order => format!("{call} by {order}"),
         }
     }
 
@@ -167,7 +176,7 @@ pub fn time_ours(world: &World, load: &Load, way: Way, clock: Clock) -> Result<f
     if same {
         Ok(load.rate(seconds))
     } else {
-        Err(format!("ours, {}: {way:?} answers otherwise", load.name))
+        Err(format!("ours, {way:?} {}: answers otherwise", load.name))
     }
 }
 

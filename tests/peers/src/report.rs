@@ -1,6 +1,6 @@
 //! What was found out, as tables.
 
-use crate::bench::{Options, Report, Tracer};
+use crate::bench::{ORDERS, Options, Report, Tracer};
 use crate::clock::Clock;
 use crate::embree::Embree;
 use crate::load::Group;
@@ -130,7 +130,7 @@ fn camera(reports: &[Report]) -> Table {
             "Embree GRID",
             "ratio",
             "nodes",
-            "tested",
+            "quads",
         ],
     );
     for r in reports {
@@ -205,8 +205,17 @@ fn builds(reports: &[Report]) -> Table {
 fn blur(reports: &[Report]) -> Table {
     let mut table = Table::new(
         "Blurred to sharp",
-        "Rate of camera rays on the moving scene divided by that of the same rays on the frozen one.",
-        &["scene", "ours", "best Embree", "Embree GRID"],
+        "Rate of camera rays on the moving scene divided by that of the same rays on the frozen one: first each in \
+         the order that is best for it, then both in the same order; Embree's each in its best order.",
+        &[
+            "scene",
+            "ours, each in its best order",
+            "ours by tile",
+            "ours by block",
+            "ours by pixel",
+            "best Embree",
+            "Embree GRID",
+        ],
     );
     for moving in reports.iter().filter(|r| r.moving) {
         let sharp = reports
@@ -215,12 +224,17 @@ fn blur(reports: &[Report]) -> Table {
         let Some(sharp) = sharp else { continue };
         let rate = |t: Option<&Tracer>| t.map_or(0.0, |t| t.rate(Group::Camera));
         let peer = |r| fastest(r, Group::Camera);
-        table.row(vec![
+        let same = |order: &&str| ratio(moving.ours.rate_by(order), sharp.ours.rate_by(order));
+        let mut cells = vec![
             moving.family.name().into(),
             ratio(rate(Some(&moving.ours)), rate(Some(&sharp.ours))),
+        ];
+        cells.extend(ORDERS.iter().map(same));
+        cells.extend([
             ratio(rate(peer(moving)), rate(peer(sharp))),
             ratio(rate(grid(moving)), rate(grid(sharp))),
         ]);
+        table.row(cells);
     }
     table
 }
