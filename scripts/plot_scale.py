@@ -13,11 +13,12 @@ import argparse
 import datetime
 import json
 import math
-import platform
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
+
+from processor import processor
 
 ROOT = Path(__file__).resolve().parent.parent
 # Millions; the last is 437 x 437 grids of 16 x 16.
@@ -49,16 +50,6 @@ def derive(row: dict) -> None:
     """Adds what is plotted: seconds of a build and of a ray."""
     row["build_seconds"] = row["micropolygons"] / row["build_mquads"] * 1e-6
     row["ray_microseconds"] = 1 / row["mrays"]
-
-
-def processor() -> str:
-    """What this machine calls its processor."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-    except OSError:
-        lines = []
-    names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.processor() or "unknown processor"
 
 
 def table(rows: list[dict], command: str) -> str:
