@@ -5,7 +5,8 @@
 mod trace_scenes;
 
 use glam::{DVec3, Vec3};
-use hdtrapeze_core::bvh::ObjectGeometry;
+use hdtrapeze_core::bvh::object::Blas;
+use hdtrapeze_core::bvh::{ObjectGeometry, StaticSlabs, Tree};
 use hdtrapeze_core::grid::DicedMesh;
 use hdtrapeze_core::trace::packet::PACKET;
 use hdtrapeze_core::trace::{Hit, InstanceTransform, Ray, TraceCounts, World, brute};
@@ -140,6 +141,55 @@ fn degenerate_grids_leave_their_neighbours_alone() {
 }
 
 #[test]
+fn grids_of_rates_that_are_not_allowed_leave_their_neighbours_alone() {
+    // What comes before each good grid: rates, and whether their vertices are there.
+    let bad = [
+        ((17, 8), true),
+        ((8, 17), true),
+        ((0, 5), true),
+        ((u16::MAX, u16::MAX), false),
+    ];
+    for k in [1, 2] {
+        let good = sheet(2, 8, &keys(k));
+        let mut mixed = DicedMesh {
+            key_times: good.key_times.clone(),
+            ..DicedMesh::default()
+        };
+        for (g, ((nu, nv), there)) in bad.into_iter().enumerate() {
+            let mut grid = good.grids[g];
+            (grid.nu, grid.nv) = (nu, nv);
+            grid.first_vertex = mixed.vertex_count as u32;
+            mixed.grids.push(grid);
+            if there {
+                mixed.vertex_count += grid.vertex_count();
+                mixed.positions.resize(mixed.vertex_count * k, Vec3::ONE);
+            }
+            let mut grid = good.grids[g];
+            grid.first_vertex = mixed.vertex_count as u32;
+            mixed.grids.push(grid);
+            mixed.vertex_count += grid.vertex_count();
+            let positions = (0..k).flat_map(|key| good.grid_positions(g, key));
+            mixed.positions.extend(positions);
+        }
+        let mixed = object(mixed);
+        assert_eq!(mixed.stats().dropped_grids, 4, "{k}");
+        let place = InstanceTransform::Translation(DVec3::ZERO);
+        let mixed = World::build(vec![instance(&mixed, place)], DVec3::ZERO);
+        let rays = cloud(5, 96);
+        let clean = answers(&world_of(good), &rays);
+        assert!(clean.iter().filter(|h| h.is_hit()).count() > 20);
+        for (mut want, hit) in clean.into_iter().zip(answers(&mixed, &rays)) {
+            want.grid = if want.is_hit() {
+                2 * want.grid + 1
+            } else {
+                want.grid
+            };
+            assert_eq!(hit, want);
+        }
+    }
+}
+
+#[test]
 fn directions_may_have_next_to_nothing_in_a_component() {
     let tiny = [0.0, -0.0, 1e-45, -1e-45, f32::MIN_POSITIVE, -1e-20];
     for k in [1, 2] {
@@ -193,7 +243,8 @@ fn rays_that_are_not_numbers_miss() {
         let world = World::build(vec![instance(&object, place)], DVec3::ZERO);
         let good = ray(Vec3::new(0.1, 0.2, 5.0), -Vec3::Z, 0.5);
         let mut rays = vec![good];
-        for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e30, -1e38] {
+        let far = 2f32.powi(60);
+        for bad in [f32::NAN, f32::INFINITY, -f32::INFINITY, far, 1e30, -1e38] {
             for axis in 0..3 {
                 let (mut origin, mut dir) = (good, good);
                 origin.origin[axis] = bad;
@@ -202,7 +253,7 @@ fn rays_that_are_not_numbers_miss() {
             }
         }
         // All of a direction below what counts as one.
-        rays.extend([0.0, -0.0, 1e-45, 1e-38, 1e-30].map(|s| Ray {
+        rays.extend([0.0, -0.0, 1e-45, 1e-38, 1e-30, 0.5 / far].map(|s| Ray {
             dir: -Vec3::Z * s,
             ..good
         }));
@@ -279,6 +330,57 @@ fn piles_of_equal_grids_take_linear_memory_and_nodes() {
         ] {
             assert!(many <= 9 * few, "{what}: {few} {many}");
         }
+    }
+}
+
+/// Nodes from the root of a tree to its deepest one.
+fn depth(tree: &Tree<StaticSlabs>) -> usize {
+    let mut deepest = 0;
+    let mut open = vec![(tree.root, 1)];
+    while let Some((node, depth)) = open.pop() {
+        deepest = deepest.max(depth);
+        let node = &tree.nodes[node as usize];
+        let children = (0..8).filter(|child| node.valid >> child & 1 == 1);
+        let children = children.map(|child| node.children[child]);
+        let inner = children.filter(|child| child & Tree::<StaticSlabs>::LEAF == 0);
+        open.extend(inner.map(|child| (child, depth + 1)));
+    }
+    deepest
+}
+
+#[test]
+fn a_million_equal_grids_make_a_tree_that_is_not_deep() {
+    const COUNT: usize = 1_000_000;
+    let object = object(pile(COUNT, (1, 1), &keys(1)));
+    let stats = *object.stats();
+    assert_eq!((stats.cells, stats.dropped_grids), (COUNT as u64, 0));
+    // Full nodes would be a seventh.
+    assert!(stats.nodes <= COUNT as u64 / 3, "{stats:?}");
+    assert!(stats.bvh_bytes <= 64 * COUNT as u64, "{stats:?}");
+    let Blas::Static(tree) = object.blas() else {
+        panic!("a tree that does not move");
+    };
+    // The binary logarithm is 20, of which a node takes 3.
+    assert!(depth(&tree.tree) <= 8, "{}", depth(&tree.tree));
+    let place = InstanceTransform::Translation(DVec3::ZERO);
+    let world = World::build(vec![instance(&object, place)], DVec3::ZERO);
+    let into = ray(Vec3::new(0.3, 0.6, 2.0), -Vec3::Z, 0.5);
+    let beside = ray(Vec3::new(1.3, 0.6, 2.0), -Vec3::Z, 0.5);
+    for level in Level::available() {
+        let world = world.clone().with_level(level);
+        let mut counts = TraceCounts::default();
+        assert!(world.occluded(&into, &mut counts));
+        assert!(
+            counts.cell_tests <= 8 && counts.node_tests < 16,
+            "{counts:?}"
+        );
+        let mut counts = TraceCounts::default();
+        assert!(!world.trace(&beside, &mut counts).is_hit());
+        assert!(!world.occluded(&beside, &mut counts));
+        assert!(
+            counts.cell_tests == 0 && counts.node_tests <= 2,
+            "{counts:?}"
+        );
     }
 }
 

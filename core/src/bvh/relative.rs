@@ -104,7 +104,7 @@ pub struct Built {
 /// Builds the trees of a mesh, if it is one that gains by it: all its grids can be traced, and nothing is absurdly far.
 pub fn build(mesh: &DicedMesh) -> Option<Built> {
     let usable = mesh.is_moving() && mesh.is_usable() && !mesh.grids.is_empty();
-    if !usable || !(0..mesh.grids.len()).all(|g| mesh.is_sound(g)) {
+    if !usable || mesh.sound_grids().contains(&false) {
         return None;
     }
     let plan = choose(mesh)?;

@@ -44,13 +44,14 @@ impl Grid {
     pub fn cell_count(&self) -> usize {
         self.nu as usize * self.nv as usize
     }
-    /// True when rates are from 1 to [`MAX_GRID_RATE`], and its vertices are among `vertex_count` and come after those
-    /// of the grid before.
-    pub(crate) fn is_sound(&self, before: Option<&Grid>, vertex_count: usize) -> bool {
-        let end = |grid: &Grid| grid.first_vertex as usize + grid.vertex_count();
+    /// Where its vertices end, when rates are from 1 to [`MAX_GRID_RATE`] and its vertices are in `from..to`.
+    fn sound_end(&self, from: usize, to: usize) -> Option<usize> {
         let rate = 1..=MAX_GRID_RATE as u16;
-        let after = before.is_none_or(|before| self.first_vertex as usize >= end(before));
-        rate.contains(&self.nu) && rate.contains(&self.nv) && after && end(self) <= vertex_count
+        let first = self.first_vertex as usize;
+        let end = first + self.vertex_count();
+        let sound =
+            rate.contains(&self.nu) && rate.contains(&self.nv) && first >= from && end <= to;
+        sound.then_some(end)
     }
 }
 
@@ -106,11 +107,10 @@ impl DicedMesh {
             && keys.windows(2).all(|w| w[0] < w[1])
             && (keys.len() == 1 || keys.first() == Some(&0.0) && keys.last() == Some(&1.0))
     }
-    /// True when the rates and vertices of grid `g` are within the mesh, and its vertices come after
-    /// those of the grid before.
-    pub fn is_sound(&self, g: usize) -> bool {
-        let before = g.checked_sub(1).map(|before| &self.grids[before]);
-        self.grids[g].is_sound(before, self.vertex_count)
+    /// Which grids have rates that are allowed and vertices within the mesh, after those of all such grids before.
+    /// What a grid that is not sound says of its vertices counts for none after it.
+    pub fn sound_grids(&self) -> Vec<bool> {
+        sound_grids(&self.grids, self.vertex_count)
     }
     /// Positions of grid `g` at key `k`.
     pub fn grid_positions(&self, g: usize, k: usize) -> &[Vec3] {
@@ -126,6 +126,17 @@ impl DicedMesh {
         let start = grid.first_vertex as usize * self.normal_key_count + k * n;
         &self.normals[start..start + n]
     }
+}
+
+/// As [`DicedMesh::sound_grids`].
+fn sound_grids(grids: &[Grid], vertex_count: usize) -> Vec<bool> {
+    let mut from = 0;
+    let sound = |grid: &Grid| {
+        let end = grid.sound_end(from, vertex_count);
+        from = end.unwrap_or(from);
+        end.is_some()
+    };
+    grids.iter().map(sound).collect()
 }
 
 /// Segment of `key_times` that holds `time` (clamped to the keys), and the fraction inside it. One
