@@ -1,5 +1,7 @@
 //! The hunter: random starts, and from each a climb to what comes nearest to a violation.
 
+use std::cmp::Ordering;
+
 use crate::trace_scenes::Rng;
 
 /// A candidate: bits that a hunt reads its numbers from.
@@ -120,6 +122,10 @@ pub fn climb(
             next: 0,
         });
         failures += 1;
+        if at.0 == f64::NEG_INFINITY && value.partial_cmp(&at.0) != Some(Ordering::Greater) {
+            // A start that says nothing leads nowhere.
+            failures = PATIENCE;
+        }
         if at.1.is_empty() || value >= at.0 {
             if value > at.0 {
                 failures = 0;
