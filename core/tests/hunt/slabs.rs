@@ -210,14 +210,14 @@ fn turn(genes: &mut Genes<'_>, frame: Frame, keys: &[f32], corners: &[Vec3]) -> 
 }
 
 /// How much of the pad it takes until no hit is culled; none where nothing is hit.
-struct Culled<'a, B>(&'a Case, Way, PhantomData<B>);
+struct Culled<'a, B>(&'a Case, &'a Way, PhantomData<B>);
 
 /// Where shares of a pad are told apart from nothing, and from any.
 const LEAST: f64 = 1.0 / 512.0;
 const DEEPEST: f64 = -1e8;
 
 /// How rays are tested.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 enum Way {
     Alone,
     /// As this ray of a packet.
@@ -229,14 +229,14 @@ enum Way {
     /// As each of these of a packet, at a block.
     AtBlock(u64),
     /// As one of a packet that is met as a beam.
-    InBeam(Bundle),
+    InBeam(Box<Bundle>),
 }
 
 impl Way {
     /// Whether a ray with a share of its pad enters the first of the bounds, of an object of `radius`, at `t`.
     #[inline(always)]
     fn enters<S: Simd, B: Bounds8>(
-        self,
+        &self,
         simd: S,
         case: &Case,
         (bounds, radius): (&B, f32),
@@ -289,8 +289,8 @@ impl Way {
             Way::InPacket(_) | Way::Together | Way::Few(_) | Way::AtBlock(_) => {
                 let mut rays = [Rays::NONE; VECTORS];
                 let lanes = match self {
-                    Way::InPacket(ray) => 1u64 << ray,
-                    Way::Few(lanes) | Way::AtBlock(lanes) => lanes,
+                    Way::InPacket(ray) => 1u64 << *ray,
+                    Way::Few(lanes) | Way::AtBlock(lanes) => *lanes,
                     _ => u64::MAX,
                 };
                 for ray in 0..PACKET {
@@ -432,7 +432,7 @@ impl<B: Bounds8> Kernel for Culled<'_, B> {
     }
 }
 
-fn score(case: &Case, way: Way, level: Level) -> f64 {
+fn score(case: &Case, way: &Way, level: Level) -> f64 {
     let used = if case.mesh.is_moving() {
         level.run(Culled::<LinearSlabs>(case, way, PhantomData))
     } else {
@@ -453,7 +453,7 @@ fn hunt(
         let found = climb(20_000, 64, seed, |genes| {
             let scale = genes.whole(scales.0, scales.1);
             let case = Case::new(genes, scale, turns);
-            score(&case, way(genes, &case), level)
+            score(&case, &way(genes, &case), level)
         });
         found.check(&format!("{what}, {}", level.name()), least);
     }
@@ -471,7 +471,7 @@ fn ray_by_ray(genes: &mut Genes<'_>, _: &Case) -> Way {
 }
 
 fn in_beam(genes: &mut Genes<'_>, case: &Case) -> Way {
-    Way::InBeam(Bundle::new(genes, case))
+    Way::InBeam(Box::new(Bundle::new(genes, case)))
 }
 
 #[test]
