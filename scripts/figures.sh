@@ -32,6 +32,9 @@ leave() {
     fi
 }
 trap leave EXIT
+# So that what is there when it is stopped is kept, too.
+trap 'exit 130' INT
+trap 'exit 143' TERM
 
 # What ran, where and when, above a table.
 told() {
@@ -51,8 +54,9 @@ compare() {
 }
 
 peers() {
-    compare $out/peers-1m.md --size 1 --rounds 2
-    compare $out/peers-16m.md --size 16 --samples 4 --rounds 2 --scene sheet --scene patches --scene fur
+    compare $out/peers-1m.md --size 1 --rounds 2 --scene sheet --scene patches --scene fur
+    compare $out/peers-combed.md --size 1 --rounds 2 --scene combed
+    compare $out/peers-16m.md --size 16 --samples 4 --rounds 1 --order block --scene sheet --scene patches --scene fur
 }
 
 # The table of oriented frames, the last without Embree, of all scenes.
