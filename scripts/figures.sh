@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Measures again what docs/bvh.md shows, into docs/figures. For an idle machine with 24 GiB; everything takes
-# about two hours on two cores, most of it the comparisons with Embree (peers, largest). What is not installed is
+# some hours on two cores, most of it the comparisons with Embree (peers, largest). What is not installed is
 # left out: Embree's columns, instruction counts. Each file stays as it is until the new one is whole. gpu.md is not
 # made here, but by hand on a machine with a GPU, by the commands that it names.
 #

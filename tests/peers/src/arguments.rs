@@ -15,8 +15,8 @@ use crate::scenes::{Family, Shape};
 /// More than this nobody needs; whether there is memory for fewer is told by [`Options::fit`].
 const MOST_RAYS: usize = 1 << 28;
 
-/// Rays that each way is tried on, or a sixteenth of all where that is less: in every way of Embree's, they take longer than
-/// the rounds.
+/// Rays that each way of tracing is tried on, about, or a sixteenth of all where that is less. There are so many ways of
+/// Embree's that trials of more rays take longer than the rounds.
 const TRIAL_RAYS: usize = 1 << 18;
 
 /// Our tracer beside Embree 3, on the same micropolygons and rays.
