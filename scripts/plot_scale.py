@@ -47,39 +47,47 @@ def slope(rows: list[dict], value: str) -> float:
 
 
 def derive(row: dict) -> None:
-    """Adds what is plotted: seconds of a build and of a ray."""
+    """Adds what is plotted: seconds of a build, and of a ray in a packet and by itself."""
     row["build_seconds"] = row["micropolygons"] / row["build_mquads"] * 1e-6
     row["ray_microseconds"] = 1 / row["mrays"]
+    row["single_microseconds"] = 1 / row["mrays_single"]
 
 
 def table(rows: list[dict], command: str) -> str:
     """The table, in Markdown."""
     by_motion = [[r for r in rows if r["moving"] == moving] for moving in (False, True)]
-    header = "scene, M quads, build s, Mquads/s, Mrays/s, nodes/ray, tested/ray, B/quad"
+    header = "scene, M quads, build s, Mquads/s, Mrays/s, one by one, nodes/ray, tested/ray, B/quad"
     header = [*header.split(", "), "GiB building", "GiB peak"]
     lines = [
         "### Cost against size",
         "",
         f"`{command}`, {processor()}, {rows[0]['threads']} threads, {datetime.date.today()}.",
-        "Rates are the best of the rounds; camera rays with lens and time. Peaks are of the whole",
-        "process, with the mesh that is built from and the rays.",
+        "Rates are the best of the rounds; camera rays with lens and time, in packets, and then a part",
+        "of them one by one: rays of a packet share what they fetch, the less the smaller micropolygons",
+        "are in an image that stays as large. Peaks are of the whole process, with the mesh that is built",
+        "from and the rays.",
         "",
         f"| {' | '.join(header)} |",
         f"|{'---|' * len(header)}",
     ]
     for row in (row for part in by_motion for row in part):
         cells = [row["scene"], f"{row['micropolygons'] * 1e-6:.1f}", f"{row['build_seconds']:.3f}"]
-        cells += [f"{row['build_mquads']:.1f}", f"{row['mrays']:.2f}", f"{row['nodes']:.1f}"]
-        cells += [f"{row['tested']:.1f}", f"{row['bytes']:.2f}"]
+        cells += [f"{row['build_mquads']:.1f}", f"{row['mrays']:.2f}", f"{row['mrays_single']:.2f}"]
+        cells += [f"{row['nodes']:.1f}", f"{row['tested']:.1f}", f"{row['bytes']:.2f}"]
         cells += [f"{row[peak] / GIB:.2f}" for peak in ("peak_building", "peak")]
         lines.append(f"| {' | '.join(cells)} |")
     lines += [""]
     for part in by_motion:
         build, ray = slope(part, "build_seconds"), slope(part, "ray_microseconds")
+        single = slope(part, "single_microseconds")
+        last = part[-1]["micropolygons"]
+        logarithm = math.log(math.log(last) / math.log(part[0]["micropolygons"]))
+        logarithm /= math.log(last / part[0]["micropolygons"]) or math.nan
         lines += [
             f"{part[0]['scene'].capitalize()}, from the smallest to the largest: the time of a",
             f"build grows as size to the power of {build:.2f} (1 is linear), that of a ray to the",
-            f"power of {ray:.2f} (0 is constant).",
+            f"power of {ray:.2f} in packets and of {single:.2f} by itself (0 is constant, {logarithm:.2f}",
+            "the logarithm).",
             "",
         ]
     return "\n".join(lines)
@@ -96,10 +104,11 @@ def plot(rows: list[dict], file: Path) -> bool:
 
     shown = [
         ("build_seconds", "build, seconds"),
-        ("ray_microseconds", "a ray, microseconds"),
+        ("ray_microseconds", "a ray in a packet, microseconds"),
+        ("single_microseconds", "a ray by itself, microseconds"),
         ("peak", "peak memory, GiB"),
     ]
-    figure, axes = plt.subplots(1, len(shown), figsize=(12, 4), layout="constrained")
+    figure, axes = plt.subplots(1, len(shown), figsize=(16, 4), layout="constrained")
     for axis, (value, title) in zip(axes, shown, strict=True):
         for moving, color in ((False, "tab:blue"), (True, "tab:orange")):
             part = [r for r in rows if r["moving"] == moving]
@@ -107,7 +116,7 @@ def plot(rows: list[dict], file: Path) -> bool:
             unit = GIB if value == "peak" else 1
             values = [r[value] / unit for r in part]
             axis.loglog(sizes, values, "o-", color=color, label=part[0]["scene"])
-            if value != "ray_microseconds":
+            if not value.endswith("_microseconds"):
                 linear = [values[0] * size / sizes[0] for size in sizes]
                 axis.loglog(sizes, linear, ":", color=color, label="linear")
             else:

@@ -144,6 +144,8 @@ pub struct Report {
     pub nodes: f64,
     pub tested: f64,
     pub ours: Tracer,
+    /// Million camera rays a second of ours, a part of them, each traced by itself.
+    pub single: f64,
     /// Nodes and blocks of ours that have a frame.
     pub oriented: [u64; 2],
     /// Ours without frames, where that was asked for.
@@ -314,6 +316,14 @@ pub fn run(
         None => Vec::new(),
     };
 
+    // What sharing between rays does not change.
+    let mut single = 0.0f64;
+    if let Some(part) = parts.iter().find(|part| part.group == Group::Camera) {
+        for _ in 0..options.rounds {
+            single = single.max(time_ours(&world, part, Way::Single, clock)?);
+        }
+    }
+
     // Embree, each variant and call on a part.
     let judge = Judge::new(object.mesh(), world.radius());
     let mut tallies: Vec<(Group, Tally)> = Group::ALL.map(|g| (g, Tally::default())).into();
@@ -482,6 +492,7 @@ pub fn run(
         nodes: counts.node_tests as f64 / count,
         tested: counts.cell_tests as f64 / count,
         ours,
+        single,
         oriented,
         upright: upright.map(|(_, tracer)| tracer),
         peers,

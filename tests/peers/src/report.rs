@@ -72,14 +72,14 @@ pub fn line(report: &Report) -> String {
     )
 }
 
-/// Ours in JSON, a line a scene: sizes, best rates, bytes of the hierarchy a micropolygon, peak bytes of the process
+/// Ours in JSON, a line a scene: sizes, best rates, that of rays one by one, bytes of the hierarchy a micropolygon, peak bytes of the process
 /// while building and in all, nodes and micropolygons tested a ray.
 pub fn numbers(reports: &[Report]) -> String {
     let line = |r: &Report| {
         let [building, whole] = r.peaks;
         format!(
             "{{\"scene\": \"{}\", \"family\": \"{}\", \"moving\": {}, \"micropolygons\": {}, \
-             \"build_mquads\": {}, \"mrays\": {}, \"bytes\": {}, \"peak_building\": {building}, \
+             \"build_mquads\": {}, \"mrays\": {}, \"mrays_single\": {}, \"bytes\": {}, \"peak_building\": {building}, \
              \"peak\": {whole}, \"nodes\": {}, \"tested\": {}, \"threads\": {}}}",
             r.name,
             r.family.name(),
@@ -87,6 +87,7 @@ pub fn numbers(reports: &[Report]) -> String {
             r.cells,
             best(&r.ours.builds),
             r.ours.rate(Group::Camera),
+            r.single,
             r.ours.bytes,
             r.nodes,
             r.tested,
