@@ -106,14 +106,14 @@ def plot(rows: list[dict], file: Path) -> bool:
         ("build_seconds", "build, seconds"),
         ("ray_microseconds", "a ray in a packet, microseconds"),
         ("single_microseconds", "a ray by itself, microseconds"),
-        ("peak", "peak memory, GiB"),
+        ("peak_building", "peak memory while building, GiB"),
     ]
     figure, axes = plt.subplots(1, len(shown), figsize=(16, 4), layout="constrained")
     for axis, (value, title) in zip(axes, shown, strict=True):
         for moving, color in ((False, "tab:blue"), (True, "tab:orange")):
             part = [r for r in rows if r["moving"] == moving]
             sizes = [r["micropolygons"] * 1e-6 for r in part]
-            unit = GIB if value == "peak" else 1
+            unit = GIB if value.startswith("peak") else 1
             values = [r[value] / unit for r in part]
             axis.loglog(sizes, values, "o-", color=color, label=part[0]["scene"])
             if not value.endswith("_microseconds"):
