@@ -26,8 +26,9 @@ use crate::batch::Answer;
 
 /// Share of rays that a tracer may answer wrongly, beyond doubt, before the bench fails; ours none.
 pub const MOST_WRONG: f64 = 1e-4;
-/// Share of rays near edges that may differ.
-pub const MOST_EDGES: f64 = 1e-3;
+/// Share of rays near edges that may differ. Moving fur of 16 million has half of it: its strands are some 25 tolerances wide at
+/// their roots, and a tenth of that at their tips.
+pub const MOST_EDGES: f64 = 2e-3;
 
 /// How rays were answered.
 #[derive(Clone, Debug, Default, PartialEq)]
