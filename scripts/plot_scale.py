@@ -62,10 +62,10 @@ def table(rows: list[dict], command: str) -> str:
         "### Cost against size",
         "",
         f"`{command}`, {processor()}, {rows[0]['threads']} threads, {datetime.date.today()}.",
-        "Rates are the best of the rounds; camera rays with lens and time, in packets, and then a part",
-        "of them one by one: rays of a packet share what they fetch, the less the smaller micropolygons",
-        "are in an image that stays as large. Peaks are of the whole process, with the mesh that is built",
-        "from and the rays.",
+        "Rates are the best of the rounds; camera rays with lens and time, in packets, and then a",
+        "part of them one by one: rays of a packet share what they fetch, the less the smaller",
+        "micropolygons are in an image that stays as large. Peaks are of the whole process, with",
+        "the mesh that is built from and the rays.",
         "",
         f"| {' | '.join(header)} |",
         f"|{'---|' * len(header)}",
@@ -86,8 +86,8 @@ def table(rows: list[dict], command: str) -> str:
         lines += [
             f"{part[0]['scene'].capitalize()}, from the smallest to the largest: the time of a",
             f"build grows as size to the power of {build:.2f} (1 is linear), that of a ray to the",
-            f"power of {ray:.2f} in packets and of {single:.2f} by itself (0 is constant, {logarithm:.2f}",
-            "the logarithm).",
+            f"power of {ray:.2f} in packets and of {single:.2f} by itself (0 is constant,",
+            f"{logarithm:.2f} the logarithm).",
             "",
         ]
     return "\n".join(lines)
