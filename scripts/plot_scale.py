@@ -77,12 +77,13 @@ def table(rows: list[dict], command: str) -> str:
         cells += [f"{row[peak] / GIB:.2f}" for peak in ("peak_building", "peak")]
         lines.append(f"| {' | '.join(cells)} |")
     lines += [""]
-    for part in by_motion:
+    # One size does not grow.
+    for part in (part for part in by_motion if len(part) > 1):
         build, ray = slope(part, "build_seconds"), slope(part, "ray_microseconds")
         single = slope(part, "single_microseconds")
         last = part[-1]["micropolygons"]
         logarithm = math.log(math.log(last) / math.log(part[0]["micropolygons"]))
-        logarithm /= math.log(last / part[0]["micropolygons"]) or math.nan
+        logarithm /= math.log(last / part[0]["micropolygons"])
         lines += [
             f"{part[0]['scene'].capitalize()}, from the smallest to the largest: the time of a",
             f"build grows as size to the power of {build:.2f} (1 is linear), that of a ray to the",

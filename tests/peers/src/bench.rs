@@ -11,7 +11,7 @@ use hdtrapeze_core::trace::{Hit, Ray, TraceCounts, World, brute};
 
 use crate::batch::Call;
 use crate::clock::{Clock, forget_peak, free_memory, peak_memory};
-use crate::compare::{Judge, Tally};
+use crate::compare::{Judge, MOST_EDGES, MOST_EDGES_OF_THIN, THIN, Tally};
 use crate::embree::{Embree, Refusal, Scene, Variant};
 use crate::ffi::RayHit;
 use crate::load::{
@@ -326,9 +326,13 @@ pub fn run(
 
     // Embree, each variant and call on a part.
     let judge = Judge::new(object.mesh(), world.radius());
+    let most_edges = match family {
+        Family::Fur | Family::Combed if options.millions > THIN => MOST_EDGES_OF_THIN,
+        _ => MOST_EDGES,
+    };
     let mut tallies: Vec<(Group, Tally)> = Group::ALL.map(|g| (g, Tally::default())).into();
     let mut settle = |group: Group, tally: Tally, what: &str| {
-        let failure = tally.failure();
+        let failure = tally.failure(most_edges);
         tallies[group as usize].1.add(tally);
         failure.map_or(Ok(()), |f| Err(format!("{what}: {f}")))
     };
@@ -440,9 +444,12 @@ pub fn run(
     for round in 0..options.rounds {
         // Where in memory a tree lies tells as much as a few hundredths: with and without frames, each round has its own.
         if let Some((of_upright, _)) = &mut upright {
-            world = built(mesh.clone()).1;
+            let ours_first = round % 2 == 0;
+            if ours_first {
+                world = built(mesh.clone()).1;
+            }
             *of_upright = built_upright(mesh.clone()).1;
-            if round % 2 == 1 {
+            if !ours_first {
                 world = built(mesh.clone()).1;
             }
         }

@@ -26,9 +26,13 @@ use crate::batch::Answer;
 
 /// Share of rays that a tracer may answer wrongly, beyond doubt, before the bench fails; ours none.
 pub const MOST_WRONG: f64 = 1e-4;
-/// Share of rays near edges that may differ. Moving fur of 16 million has half of it: its strands are some 25 tolerances wide at
-/// their roots, and a tenth of that at their tips.
-pub const MOST_EDGES: f64 = 2e-3;
+/// Share of rays near edges that may differ.
+pub const MOST_EDGES: f64 = 1e-3;
+/// The same among strands of more than [`THIN`] million micropolygons. At 16 million they are some 25 tolerances wide at their roots
+/// and a tenth of that at their tips: a thousandth of the rays is that near to an edge.
+pub const MOST_EDGES_OF_THIN: f64 = 2e-3;
+/// See [`MOST_EDGES_OF_THIN`].
+pub const THIN: f64 = 4.0;
 
 /// How rays were answered.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -58,12 +62,12 @@ impl Tally {
         self.peer_wrong += o.peer_wrong;
     }
 
-    /// What is too much, if anything.
-    pub fn failure(&self) -> Option<String> {
+    /// What is too much, if anything; `most_edges` is [`MOST_EDGES`], or what strands have in its place.
+    pub fn failure(&self, most_edges: f64) -> Option<String> {
         let share = |n: u64| n as f64 / self.rays.max(1) as f64;
         (self.ours_wrong > 0
             || share(self.peer_wrong) > MOST_WRONG
-            || share(self.edges) > MOST_EDGES)
+            || share(self.edges) > most_edges)
             .then(|| format!("{self:?}"))
     }
 }
@@ -286,6 +290,26 @@ mod tests {
     use crate::trace_scenes::{keys, object, ray, sheet, world_of};
     use glam::Vec3;
     use hdtrapeze_core::trace::TraceCounts;
+
+    #[test]
+    fn too_many_wrong_answers_and_edges_fail() {
+        let of = |ours_wrong, peer_wrong, edges| Tally {
+            rays: 100_000,
+            ours_wrong,
+            peer_wrong,
+            edges,
+            ..Tally::default()
+        };
+        let fails = |tally: Tally, most| tally.failure(most).is_some();
+        assert!(!fails(of(0, 10, 100), MOST_EDGES));
+        for tally in [of(1, 0, 0), of(0, 11, 0), of(0, 0, 101)] {
+            assert!(fails(tally, MOST_EDGES));
+        }
+        assert!(!fails(of(0, 0, 200), MOST_EDGES_OF_THIN));
+        for tally in [of(1, 0, 0), of(0, 11, 0), of(0, 0, 201)] {
+            assert!(fails(tally, MOST_EDGES_OF_THIN));
+        }
+    }
 
     #[test]
     fn answers_that_are_wrong_are_told_from_edges_and_ties() {

@@ -72,8 +72,8 @@ pub fn line(report: &Report) -> String {
     )
 }
 
-/// Ours in JSON, a line a scene: sizes, best rates, that of rays one by one, bytes of the hierarchy a micropolygon, peak bytes of the process
-/// while building and in all, nodes and micropolygons tested a ray.
+/// Ours in JSON, a line a scene: sizes, best rates, that of rays one by one, bytes of the hierarchy a micropolygon, peak
+/// bytes of the process while building and in all, nodes and micropolygons tested a ray.
 pub fn numbers(reports: &[Report]) -> String {
     let line = |r: &Report| {
         let [building, whole] = r.peaks;
