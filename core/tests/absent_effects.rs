@@ -34,12 +34,13 @@ fn frames(object: &ObjectGeometry) -> usize {
 
 #[test]
 fn still_nodes_blocks_and_vertices_are_stored_once() {
-    // Origin, step, and 8 x 6 planes; children; frame and mask; or frame and what is covered.
+    // Origin, step, and 8 x 6 planes; children; frame, and mask with diagonals; where these go at the end, if things move; or
+    // frame and what is covered.
     const SLABS: usize = 4 * (3 + 3) + 48;
     assert_eq!(size_of::<StaticSlabs>(), SLABS);
     assert_eq!(size_of::<LinearSlabs>(), 2 * SLABS);
     assert_eq!(size_of::<Node<StaticSlabs>>(), SLABS + 32 + 8);
-    assert_eq!(size_of::<Node<LinearSlabs>>(), 2 * SLABS + 32 + 8);
+    assert_eq!(size_of::<Node<LinearSlabs>>(), 2 * SLABS + 32 + 8 + 4);
     assert_eq!(size_of::<Block<StaticSlabs>>(), SLABS + 4 + 12);
     assert_eq!(size_of::<Block<LinearSlabs>>(), 2 * SLABS + 4 + 12);
     for make in [
@@ -57,7 +58,7 @@ fn still_nodes_blocks_and_vertices_are_stored_once() {
         );
         let bytes = tree_bytes(&stats[0], SLABS + 40, SLABS + 16, frames(&still));
         assert_eq!(stats[0].bvh_bytes, bytes);
-        let bytes = tree_bytes(&stats[1], 2 * SLABS + 40, 2 * SLABS + 16, frames(&moving));
+        let bytes = tree_bytes(&stats[1], 2 * SLABS + 44, 2 * SLABS + 16, frames(&moving));
         assert_eq!(stats[1].bvh_bytes, bytes);
         // Positions: 12 bytes a vertex and key.
         let positions = |o: &ObjectGeometry, keys: usize| {

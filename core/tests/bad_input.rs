@@ -340,7 +340,7 @@ fn depth(tree: &Tree<StaticSlabs>) -> usize {
     while let Some((node, depth)) = open.pop() {
         deepest = deepest.max(depth);
         let node = &tree.nodes[node as usize];
-        let children = (0..8).filter(|child| node.valid >> child & 1 == 1);
+        let children = (0..8).filter(|child| node.slots >> child & 1 == 1);
         let children = children.map(|child| node.children[child]);
         let inner = children.filter(|child| child & Tree::<StaticSlabs>::LEAF == 0);
         open.extend(inner.map(|child| (child, depth + 1)));

@@ -9,10 +9,11 @@ use std::sync::Arc;
 use exact::{Exact, dot};
 use glam::{DAffine3, DVec3, Vec3};
 use hdtrapeze_core::bvh::block::{CellRect, loose};
+use hdtrapeze_core::bvh::diagonal::{Diagonals, STEP};
 use hdtrapeze_core::bvh::node::Lattice8;
 use hdtrapeze_core::bvh::object::{Blas, BlockTree, loose_group};
 use hdtrapeze_core::bvh::turn::{Turn, Turning};
-use hdtrapeze_core::bvh::{Bounds8, BvhStats, Frame, LinearBox, ObjectGeometry, Tree};
+use hdtrapeze_core::bvh::{Bounds8, BvhStats, Frame, LinearBox, Node, ObjectGeometry, Tree};
 use hdtrapeze_core::grid::{DicedMesh, PlanarMesh};
 use hdtrapeze_core::trace::instance::world_bounds;
 use hdtrapeze_core::trace::{InstanceTransform, TraceCounts, World};
@@ -119,6 +120,64 @@ fn linear(b: &LinearBox) -> [[[Exact; 2]; 2]; 3] {
 /// Vertices, as (grid, vertex).
 type Vertices = Vec<(usize, usize)>;
 
+/// Checks that the vertices of an item are near to a point of its diagonal, in f64.
+fn check_diagonal<B: Bounds8>(
+    mesh: &PlanarMesh,
+    node: &Node<B>,
+    diagonals: &Diagonals,
+    slot: usize,
+    frame: &Turn,
+    vertices: &Vertices,
+    times: &[f32],
+) -> Result<(), String> {
+    // What the radius may be short by, and a vertex' coordinates off by.
+    const ROOM: f64 = 32.0 / (1 << 24) as f64;
+    if frame.normals[0] != frame.normals[1] || frame.bow != Vec3::ZERO {
+        return Err("a diagonal in a frame that turns".into());
+    }
+    let axes = [frame.axes[0], frame.axes[1], frame.normals[0]].map(|axis| axis.as_dvec3());
+    let grids = [node.bounds.start(), node.bounds.end()];
+    for &time in times {
+        let at = |ends: [f64; 2]| ends[0] + (ends[1] - ends[0]) * f64::from(time);
+        let corner = |far: bool, axis: usize| {
+            at([0, 1].map(|end| {
+                let down = diagonals.down[end][axis] >> slot & 1 == 1;
+                let q = grids[end].planes[axis][usize::from(far != down)][slot];
+                f64::from(grids[end].origin[axis]) + f64::from(grids[end].step[axis]) * f64::from(q)
+            }))
+        };
+        let [a, b] = [false, true].map(|far| [0, 1, 2].map(|axis| corner(far, axis)));
+        for &(g, i) in vertices {
+            let vertex = Vertex::new(mesh, g, i, time);
+            let ([t0, t1], [p0, p1]) =
+                (vertex.keys.map(f64::from), vertex.at.map(|p| p.as_dvec3()));
+            let p = p0 + (p1 - p0) * ((f64::from(time) - t0) / (t1 - t0));
+            let size = p0.abs().max(p1.abs()).max_element();
+            // The most that it is out by on an axis, which is convex along the line.
+            let out = |s: f64| {
+                (0..3).fold(f64::NEG_INFINITY, |most: f64, axis| {
+                    let own = a[axis] + (b[axis] - a[axis]) * s - p.dot(axes[axis]);
+                    let step = at(grids.map(|grid| f64::from(grid.step[axis])));
+                    most.max(own.abs() - step * f64::from(STEP))
+                })
+            };
+            let (mut from, mut to) = (0.0, 1.0);
+            for _ in 0..200 {
+                let third = (to - from) / 3.0;
+                match out(from + third) < out(to - third) {
+                    true => to -= third,
+                    false => from += third,
+                }
+            }
+            let out = out(from) - f64::from(diagonals.radius);
+            if out > ROOM * size + f64::from(f32::MIN_POSITIVE) {
+                return Err(format!("{p} at {time} is {out} too far from its diagonal"));
+            }
+        }
+    }
+    Ok(())
+}
+
 /// Checks all below `reference`; returns the vertices there, as (grid, vertex).
 fn check_tree<B: Bounds8>(
     mesh: &PlanarMesh,
@@ -154,8 +213,19 @@ fn check_tree<B: Bounds8>(
     } else {
         let node = &tree.tree.nodes[reference as usize];
         frame = tree.tree.frames[node.frame as usize].turn();
+        for slot in (0..8).filter(|s| node.slots >> s & 1 == 1) {
+            let item = node.children[slot] & !Tree::<B>::LEAF;
+            if let Some(diagonals) = node.diagonals()
+                && node.children[slot] != item
+            {
+                let (g, part) = loose_group(item).ok_or("a block has a diagonal")?;
+                let (g, rect) = (g as usize, loose(&mesh.grids[g as usize], part));
+                let vertices = rect_vertices(g, rect);
+                check_diagonal(mesh, node, &diagonals, slot, &frame, &vertices, times)?;
+            }
+        }
         children = (0..8)
-            .filter(|s| node.valid >> s & 1 == 1)
+            .filter(|s| node.slots >> s & 1 == 1)
             .map(|s| {
                 let below = check_tree(mesh, tree, node.children[s], times)?;
                 Ok((stored(&node.bounds, s), frame, below))

@@ -65,6 +65,46 @@ fn uneven_keys_agree_with_the_oracle() {
     assert!(check(&world, &mut rng, Vec3::ZERO, 1.0, 2000) > 100);
 }
 
+/// A ray by itself passes most parts of strands by, whose boxes it meets, and so do packets of rays that go all ways; beside
+/// each other they are tested together instead.
+#[test]
+fn strands_beside_a_ray_are_not_tested() {
+    for k in [1, 2, 3] {
+        let object = object(fur(20_000, &keys(k), 5));
+        let place = InstanceTransform::Translation(DVec3::ZERO);
+        let world = World::build(vec![instance(&object, place)], DVec3::ZERO);
+        let mut rng = Rng(k as u64);
+        let near: Vec<Ray> = (0..PACKET * 32)
+            .map(|i| {
+                let at = Vec3::new((i % 45) as f32, (i / 45) as f32, 0.0) / 30.0 - 0.7;
+                let by = Vec3::new(0.3 * rng.signed(), 0.3 * rng.signed(), -1.0);
+                ray(at - by, by, rng.unit())
+            })
+            .collect();
+        let all_ways: Vec<Ray> = (0..PACKET * 32)
+            .map(|_| random_ray(&mut rng, Vec3::new(0.0, 0.0, 0.1), 0.8))
+            .collect();
+        let ask = |rays: &[Ray]| {
+            let (mut alone, mut many) = (TraceCounts::default(), TraceCounts::default());
+            let mut hits = vec![Hit::MISS; rays.len()];
+            world.trace_many(rays, &mut hits, &mut many);
+            for (ray, hit) in rays.iter().zip(&hits) {
+                assert_eq!(world.trace(ray, &mut alone), *hit, "{ray:?}");
+            }
+            let count = hits.iter().filter(|hit| hit.is_hit()).count();
+            assert!(count > rays.len() / 8, "{count} of {} hit", rays.len());
+            (alone, many)
+        };
+        let (alone, many) = ask(&near);
+        assert!(
+            2 * alone.cell_tests < many.cell_tests,
+            "{k} keys: {alone:?} alone, {many:?} together"
+        );
+        let (alone, many) = ask(&all_ways);
+        assert_eq!(alone, many, "{k} keys");
+    }
+}
+
 fn spinning(n: usize, turn: f64, scale: DVec3, at: DVec3) -> InstanceTransform {
     let key_times = keys(n);
     let matrices = key_times

@@ -660,11 +660,11 @@ impl Arrays {
     ) {
         let mut words = lattices(&node.bounds);
         for (slot, &child) in node.children.iter().enumerate() {
-            let valid = node.valid >> slot & 1 != 0;
+            let valid = node.slots >> slot & 1 != 0;
             words.push(if valid { reference(child) } else { EMPTY });
         }
         words.push(frames[node.frame as usize]);
-        words.push(node.valid);
+        words.push(node.valid());
         self.nodes.extend(in_units(words));
     }
 }

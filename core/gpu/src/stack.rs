@@ -16,9 +16,9 @@ pub(crate) fn need<B: Bounds8>(tree: &Tree<B>, leaf: impl Fn(u32) -> u32) -> u32
     // Parents stand before their children.
     let mut needs = vec![0u32; tree.nodes.len()];
     for (i, node) in tree.nodes.iter().enumerate().rev() {
-        let slots = (0..8).filter(|slot| node.valid >> slot & 1 != 0);
+        let slots = (0..8).filter(|slot| node.slots >> slot & 1 != 0);
         let below = slots.map(|slot| below(node.children[slot], &needs, &leaf));
-        needs[i] = node.valid.count_ones().saturating_sub(1) + below.max().unwrap_or(0);
+        needs[i] = node.valid().count_ones().saturating_sub(1) + below.max().unwrap_or(0);
     }
     below(tree.root, &needs, &leaf)
 }

@@ -84,6 +84,10 @@ pub trait Simd: Copy + Debug {
     fn columns(self, rows: [&[f32; 8]; 16]) -> [Self::F16; 8];
     /// The first of each pair, and the second.
     fn unzipped(self, pairs: [&[f32; 2]; 16]) -> [Self::F16; 2];
+    /// The lanes whose bits are set, of 8.
+    fn mask8(self, bits: u32) -> <Self::F8 as Float<8>>::Mask;
+    /// The highest bit of each word, from the lowest bit on.
+    fn high_bits(self, x: &[u32; 8]) -> u32;
     /// 8 whole numbers from 0 to 255.
     fn bytes8(self, x: &[u8; 8]) -> Self::F8;
     /// 16 copies.

@@ -167,6 +167,14 @@ impl Simd for Scalar {
         [0, 1].map(|i: usize| Array(pairs.map(|pair| pair[i])))
     }
     #[inline]
+    fn mask8(self, bits: u32) -> Words<8> {
+        words(bits)
+    }
+    #[inline]
+    fn high_bits(self, x: &[u32; 8]) -> u32 {
+        x.iter().rev().fold(0, |bits, x| bits << 1 | x >> 31)
+    }
+    #[inline]
     fn bytes8(self, x: &[u8; 8]) -> Array<8> {
         Array(x.map(f32::from))
     }
@@ -225,8 +233,7 @@ impl Simd for Scalar {
     }
     #[inline]
     fn mask16(self, bits: u32) -> Words<16> {
-        let word = |i: usize| if bits >> i & 1 == 1 { u32::MAX } else { 0 };
-        Words(std::array::from_fn(word))
+        words(bits)
     }
     #[inline]
     fn spread(self, bits: u32, places: u64) -> u64 {
@@ -302,6 +309,12 @@ impl Simd for Scalar {
     fn triangles(self, lattice: Array<16>) -> [Array<16>; 3] {
         TRIANGLES.map(|corner| Array(corner.map(|i| lattice.0[i as usize])))
     }
+}
+
+#[inline]
+fn words<const N: usize>(bits: u32) -> Words<N> {
+    let word = |i: usize| if bits >> i & 1 == 1 { u32::MAX } else { 0 };
+    Words(std::array::from_fn(word))
 }
 
 /// Each bit in turn. What AVX2 does, too: its instruction for it is slow on some processors that have no AVX-512.

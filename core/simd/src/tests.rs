@@ -90,6 +90,10 @@ impl Kernel for Everything {
         for by in [0.0, 1.0 / 3.0, -1e9, 1e-40] {
             out.extend(s.less16(s.from16(&a), by).to_array().map(f32::to_bits));
         }
+        let mask = s.mask8(self.seed.wrapping_mul(0x1234_5671));
+        out.push(mask.bits());
+        out.extend(put8(s.from8(&a8).or(mask, s.from8(&b8))));
+        out.push(s.high_bits(&a8.map(f32::to_bits)));
         let mask = s.mask16(self.seed.wrapping_mul(0x1234_5671));
         out.push(mask.bits());
         out.extend(

@@ -10,8 +10,10 @@ use glam::Vec3;
 use hdtrapeze_simd::{Float, Kernel, Level, Mask, Simd};
 
 use super::block::{Block, CellRect, GROUPS, Span, halves, halving_pays, loose, loose_count};
+use super::diagonal::Diagonal;
 use super::group8::{Groups, Vertices, boxes, boxes_in};
 use super::lanes::{Boxes8, Ranges8};
+use super::radii8::radii;
 use super::turn::{Between, Pose, Turning};
 use super::{Bounds8, COORDINATE_LIMIT, Frame, LinearBox};
 use crate::grid::planar::GridRows;
@@ -88,20 +90,29 @@ pub fn bound_whole<B: Bounds8>(
     }
 }
 
+/// Groups that the tree refers to itself: their boxes, and diagonals of these.
+pub type Loose = ([LinearBox; GROUPS], [Diagonal; GROUPS]);
+
 /// Axis-aligned bounds of the [loose groups](loose) of a grid that [is bounded](is_bounded), as many as
-/// [`loose_count`] says. None where bounds are beyond [`COORDINATE_LIMIT`].
-pub fn bound_loose(level: Level, rows: &GridRows<'_>) -> Option<[LinearBox; GROUPS]> {
-    level.run(BoundLoose { rows })
+/// [`loose_count`] says. Of a strip diagonals besides, given the directions that its groups run in at both ends of the shutter.
+/// None where bounds are beyond [`COORDINATE_LIMIT`].
+pub fn bound_loose(
+    level: Level,
+    rows: &GridRows<'_>,
+    directions: Option<&[[Vec3; 2]; GROUPS]>,
+) -> Option<Loose> {
+    level.run(BoundLoose { rows, directions })
 }
 
 /// Bounds in a frame of 1 to [`GROUPS`] groups of grids whose vertices are finite and within
-/// [`COORDINATE_LIMIT`]; each is a grid and its micropolygons.
+/// [`COORDINATE_LIMIT`]; each is a grid, its micropolygons and the directions that they run in at both ends of the
+/// shutter. Diagonals of boxes besides, where the frame does not turn.
 pub fn bound_groups<T: Turning>(
     level: Level,
     mesh: &PlanarMesh,
-    groups: &[(u32, CellRect)],
+    groups: &[(u32, CellRect, [Vec3; 2])],
     frame: &T,
-) -> [LinearBox; GROUPS] {
+) -> Loose {
     level.run(BoundGroups {
         mesh,
         groups,
@@ -202,19 +213,23 @@ impl<B: Bounds8> Kernel for Bound<'_, B> {
 
 struct BoundGroups<'a, T> {
     mesh: &'a PlanarMesh,
-    groups: &'a [(u32, CellRect)],
+    groups: &'a [(u32, CellRect, [Vec3; 2])],
     frame: &'a T,
 }
 
 impl<T: Turning> Kernel for BoundGroups<'_, T> {
-    type Output = [LinearBox; GROUPS];
+    type Output = Loose;
 
     #[inline(always)]
-    fn run<S: Simd>(self, simd: S) -> [LinearBox; GROUPS] {
+    fn run<S: Simd>(self, simd: S) -> Loose {
+        let turns = T::TURNS && self.frame.turn().turns();
+        let frame = self.frame.start();
+        let mut directions = [[Vec3::ZERO; 2]; GROUPS];
         let mut groups = Groups::default();
-        for (slot, &(grid, rect)) in self.groups.iter().enumerate() {
+        for (slot, &(grid, rect, ends)) in self.groups.iter().enumerate() {
             let grid = &self.mesh.grids[grid as usize];
             groups.put(slot, self.mesh.first_float(grid, 0), grid, rect);
+            directions[slot % GROUPS] = ends.map(|end| frame.turn(end));
         }
         let groups = groups.filled(self.groups.len() as u8);
         let vertices = Vertices {
@@ -223,36 +238,84 @@ impl<T: Turning> Kernel for BoundGroups<'_, T> {
             moving: self.mesh.is_moving(),
             one_grid: false,
         };
-        boxes_in(simd, vertices, &groups, self.frame).to_boxes()
+        let found = boxes_in(simd, vertices, &groups, self.frame);
+        let mut diagonals = [Diagonal::NONE; GROUPS];
+        if !turns {
+            let down = down(&directions);
+            let radii = radii(simd, vertices, &groups, &found, down, Some(&frame));
+            diagonals = with_radii(radii.to_array(), down);
+        }
+        (found.to_boxes(), diagonals)
     }
+}
+
+/// For both ends of the shutter and each axis, the groups whose directions go down along it, or up if they go down along x at
+/// the start: so that none does.
+#[inline(always)]
+fn down(directions: &[[Vec3; 2]; GROUPS]) -> [[u32; 3]; 2] {
+    let mut down = [[0; 3]; 2];
+    for (slot, ends) in directions.iter().enumerate() {
+        let turned = ends[0].x < 0.0;
+        for (down, end) in down.iter_mut().zip(ends) {
+            for axis in 0..3 {
+                down[axis] |= u32::from((end[axis] < 0.0) != turned) << slot;
+            }
+        }
+    }
+    down
+}
+
+#[inline(always)]
+fn with_radii(radii: [f32; GROUPS], down: [[u32; 3]; 2]) -> [Diagonal; GROUPS] {
+    let mut out = [Diagonal::NONE; GROUPS];
+    for (slot, out) in out.iter_mut().enumerate() {
+        let own =
+            |[x, y, z]: [u32; 3]| (x >> slot & 1) | (y >> slot & 1) << 1 | (z >> slot & 1) << 2;
+        *out = Diagonal {
+            radius: radii[slot],
+            down: down.map(own),
+        };
+    }
+    out
 }
 
 struct BoundLoose<'a> {
     rows: &'a GridRows<'a>,
+    directions: Option<&'a [[Vec3; 2]; GROUPS]>,
 }
 
 impl Kernel for BoundLoose<'_> {
-    type Output = Option<[LinearBox; GROUPS]>;
+    type Output = Option<Loose>;
 
     #[inline(always)]
-    fn run<S: Simd>(self, simd: S) -> Option<[LinearBox; GROUPS]> {
+    fn run<S: Simd>(self, simd: S) -> Option<Loose> {
         let grid: &Grid = &self.rows.grid;
         let count = loose_count(grid);
         let mut groups = Groups::default();
         for slot in 0..count {
             groups.put(slot, 0, grid, loose(grid, slot as u32));
         }
+        let groups = groups.filled(count as u8);
         let vertices = Vertices {
             floats: self.rows.floats,
             key_times: self.rows.key_times,
             moving: self.rows.key_times.len() > 1,
             one_grid: true,
         };
-        let found = boxes(simd, vertices, &groups.filled(count as u8), None);
+        let found = boxes(simd, vertices, &groups, None);
         let hull = found.hull();
         // Bounds at inner keys may have raised them.
         let sound = hull.is_finite() && hull.max_abs() < COORDINATE_LIMIT;
-        sound.then(|| found.to_boxes())
+        if !sound {
+            return None;
+        }
+        let mut diagonals = [Diagonal::NONE; GROUPS];
+        if let Some(directions) = self.directions {
+            let down = down(directions);
+            let radii = radii(simd, vertices, &groups, &found, down, None);
+            diagonals = with_radii(radii.to_array(), down);
+        }
+        Some((found.to_boxes(), diagonals))
     }
 }
 

@@ -21,6 +21,7 @@ use rayon::prelude::*;
 
 use super::block::GROUPS;
 use super::coarse::{COARSE_ITEMS, Known, coarse, numbered};
+use super::diagonal;
 use super::node::pack_hulls;
 use super::orient::{MOST_ITEMS, Strands, Turned};
 use super::sorted::{Hull, Sorted};
@@ -249,11 +250,21 @@ fn build_node<B: Bounds8>(
     for (to, range) in hulls.iter_mut().zip(&ranges) {
         *to = &range.extent.bounds;
     }
+    let bounds: B = pack_hulls(below.level, hulls);
+    let mut numbers = [[0.0; 8]; 2];
+    for (slot, range) in ranges.iter().enumerate() {
+        if let [item] = &*range.items {
+            [numbers[0][slot], numbers[1][slot]] = item.bounds.diagonal();
+        }
+    }
+    let grids = (bounds.start(), bounds.end());
+    let (diagonals, at_end) = diagonal::packed(below.level, grids, &numbers);
     tree.nodes.push(Node {
-        bounds: pack_hulls(below.level, hulls),
+        bounds,
         children: [0; 8],
         frame: below.frame,
-        valid: (1u32 << ranges.len()) - 1,
+        slots: ((1u32 << ranges.len()) - 1) | diagonals,
+        at_end,
     });
     below.depth += 1;
     if parallel {
@@ -321,7 +332,7 @@ mod tests {
         }
         let node = &tree.nodes[r as usize];
         (0..8)
-            .filter(|i| node.valid >> i & 1 == 1)
+            .filter(|i| node.slots >> i & 1 == 1)
             .map(|i| 1 + depth(tree, node.children[i]))
             .max()
             .unwrap_or(0)
@@ -333,7 +344,7 @@ mod tests {
             return;
         }
         let node = &tree.nodes[r as usize];
-        for i in (0..8).filter(|i| node.valid >> i & 1 == 1) {
+        for i in (0..8).filter(|i| node.slots >> i & 1 == 1) {
             items_below(tree, node.children[i], out);
         }
     }

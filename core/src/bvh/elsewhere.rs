@@ -26,7 +26,7 @@ pub fn items<B: Bounds8>(mesh: &PlanarMesh, g: usize) -> Option<Items<B>> {
     }
     let (number, grid) = (g as u32, &rows.grid);
     if (block::is_small(grid) || block::is_strip(grid)) && number < LOOSE_GRIDS {
-        let boxes = bound_loose(level, &rows)?;
+        let (boxes, _) = bound_loose(level, &rows, None)?;
         return Some(Items::Loose(boxes[..block::loose_count(grid)].to_vec()));
     }
     let spans = block::cut(number, grid);

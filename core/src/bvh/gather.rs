@@ -8,9 +8,10 @@
 //! Runs of grids are gathered in parallel, each while its vertices are near: right after they were turned
 //! into rows.
 
+use glam::Vec3;
 use hdtrapeze_simd::Level;
 
-use super::block::{self, Block, Span};
+use super::block::{self, Block, GROUPS, Span};
 use super::bound::{Bounded, bound, bound_loose, is_bounded};
 use super::build::Item;
 use super::object::{LOOSE_GRIDS, loose_item};
@@ -86,25 +87,21 @@ impl<B: Bounds8> Part<B> {
         let grid = &rows.grid;
         let small = block::is_small(grid);
         if (small || block::is_strip(grid)) && g < LOOSE_GRIDS {
-            let boxes = bound_loose(level, rows)?;
-            let boxes = &boxes[..block::loose_count(grid)];
+            let count = block::loose_count(grid);
+            let edges = (!small).then(|| edges(rows, count));
+            let (boxes, diagonals) = bound_loose(level, rows, edges.as_ref())?;
+            let boxes = &boxes[..count];
             let whole = boxes.iter().fold(LinearBox::EMPTY, |a, b| a.union(b));
             let area: f32 = boxes.iter().map(LinearBox::mean_half_area).sum();
             if small || area < LOOSE_SHARE * whole.mean_half_area() {
-                let items = boxes.iter().zip(0..).map(|(&bounds, slot)| {
-                    let item = Item {
-                        bounds,
-                        id: loose_item(g, slot),
-                    };
-                    if small {
-                        return Sorted::of(&item);
-                    }
-                    let rect = block::loose(grid, slot);
-                    let ends = [0, rows.key_times.len() - 1];
-                    Sorted::along(&item, ends.map(|k| Piece::of(rows, rect, k).edge))
-                });
-                self.items.extend(items);
-                self.strips += if small { 0 } else { boxes.len() };
+                let edges = edges.unwrap_or([[Vec3::ZERO; 2]; GROUPS]);
+                let items = boxes.iter().zip(edges).zip(diagonals).zip(0..);
+                self.items
+                    .extend(items.map(|(((&bounds, edges), diagonal), slot)| {
+                        let id = loose_item(g, slot);
+                        Sorted::along(&Item { bounds, id }, edges, diagonal)
+                    }));
+                self.strips += if small { 0 } else { count };
                 self.bounds = self.bounds.union(&whole);
                 return Some(());
             }
@@ -146,6 +143,17 @@ impl<B: Bounds8> Part<B> {
         }
         Some(())
     }
+}
+
+/// From end to end of each of a strip's groups, at both ends of the shutter.
+fn edges(rows: &GridRows<'_>, count: usize) -> [[Vec3; 2]; GROUPS] {
+    let mut edges = [[Vec3::ZERO; 2]; GROUPS];
+    let ends = [0, rows.key_times.len() - 1];
+    for (slot, edges) in edges.iter_mut().enumerate().take(count) {
+        let rect = block::loose(&rows.grid, slot as u32);
+        *edges = ends.map(|k| Piece::of(rows, rect, k).edge);
+    }
+    edges
 }
 
 /// All blocks, and what the tree is built over.

@@ -20,14 +20,14 @@ const _: () = assert!(GROUP.0 == 4 && GROUPS == 8);
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Groups {
     /// Where their rows begin: with x at the first key.
-    rows: [[usize; GROUPS]; ROWS],
+    pub(super) rows: [[usize; GROUPS]; ROWS],
     /// Vertices of a row of each: y is so much later than x.
     columns: [usize; GROUPS],
     /// Floats from one key to the next.
     key: [usize; GROUPS],
     /// Lanes that are columns of micropolygons, of the first 4 groups and of the others.
-    lanes: [u32; 2],
-    more_than_4: bool,
+    pub(super) lanes: [u32; 2],
+    pub(super) more_than_4: bool,
     /// Each second group begins where the one before ends.
     pairs: bool,
 }
@@ -383,7 +383,7 @@ fn row<S: Simd>(
 
 /// A row of vertices of 4 groups at a key, and those one later.
 #[inline(always)]
-fn row_at<S: Simd>(
+pub(super) fn row_at<S: Simd>(
     simd: S,
     vertices: Vertices<'_>,
     groups: &Groups,

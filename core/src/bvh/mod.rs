@@ -21,7 +21,8 @@
 //! ([`build`]), built by binned SAH on the time-averaged area. The 8 children of a node share one frame
 //! ([`frame`]): the identity (an AABB) or a rotation, chosen where surface-area cost says that it pays, for single
 //! blocks ([`bound`]), whose frames follow a normal that turns ([`turn`]), and for subtrees over strands ([`orient`]).
-//! What does not move stores no second bounds: all nodes are generic over [`node::Bounds8`].
+//! What does not move stores no second bounds: all nodes are generic over [`node::Bounds8`]. Boxes of parts of strands have
+//! diagonals ([`diagonal`]), which rays that are traced one by one are tested against as well.
 //!
 //! **Curves.** Where raised chords bound motion badly, trees are built in a space that moves along with the
 //! object, or for halves of the shutter ([`relative`]).
@@ -34,6 +35,7 @@ pub mod bound;
 pub mod build;
 pub mod carrier;
 mod coarse;
+pub mod diagonal;
 pub mod elsewhere;
 pub mod frame;
 pub mod gather;
@@ -45,6 +47,7 @@ pub mod node;
 pub mod object;
 pub mod orient;
 pub mod outline;
+mod radii8;
 pub mod relative;
 pub mod sorted;
 mod split;

@@ -13,8 +13,9 @@
 //! on the child, is computed once, and a plane costs one product and one sum an end.
 
 use glam::DVec3;
-use hdtrapeze_simd::{Float, Kernel, Level, Simd};
+use hdtrapeze_simd::{Float, Kernel, Level, Mask, Simd};
 
+use super::diagonal::{AtEnd, CHILDREN, Diagonals, PADS, STEP, TINY, passes_by, segment};
 use super::lanes::{Boxes8, Ranges8};
 use super::linear::round_up;
 use super::sorted::{Hull, LinearHull, StaticHull};
@@ -34,6 +35,8 @@ pub trait Bounds8: Clone + Copy + Send + Sync + std::fmt::Debug + 'static {
     type Hull: Hull;
     /// What its blocks are turned by.
     type Turning: Turning;
+    /// Where diagonals of children go at the end of the shutter.
+    type AtEnd: AtEnd;
     /// Packs the boxes of children, outward. Boxes in lanes without a child must be among those of the others.
     fn pack<S: Simd>(simd: S, boxes: &Boxes8<S::F8>) -> Self;
     /// The box of one child, as stored.
@@ -201,6 +204,7 @@ impl Bounds8 for StaticSlabs {
     const MOVING: bool = false;
     type Hull = StaticHull;
     type Turning = Frame;
+    type AtEnd = ();
     #[inline(always)]
     fn pack<S: Simd>(simd: S, boxes: &Boxes8<S::F8>) -> Self {
         // A box that moves is contained by the union of its two ends.
@@ -241,6 +245,7 @@ impl Bounds8 for CarriedSlabs {
     const KEYS: bool = true;
     type Hull = StaticHull;
     type Turning = Frame;
+    type AtEnd = ();
     #[inline(always)]
     fn pack<S: Simd>(simd: S, boxes: &Boxes8<S::F8>) -> Self {
         Self(StaticSlabs::pack(simd, boxes))
@@ -262,6 +267,7 @@ impl Bounds8 for LinearSlabs {
     const MOVING: bool = true;
     type Hull = LinearHull;
     type Turning = StoredTurn;
+    type AtEnd = u32;
     #[inline(always)]
     fn pack<S: Simd>(simd: S, boxes: &Boxes8<S::F8>) -> Self {
         Self {
@@ -288,15 +294,32 @@ impl Bounds8 for LinearSlabs {
 /// An inner node: bounds of up to 8 children, and where they are.
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
-pub struct Node<B> {
+pub struct Node<B: Bounds8> {
     /// Bounds of the children, in the node's frame.
     pub bounds: B,
     /// Where the children are; see [`super::build::Tree`].
     pub children: [u32; 8],
     /// Number of the node's frame in the tree; 0 is the identity.
     pub frame: u32,
+    /// Bit `i` is set when slot `i` has a child; above [`CHILDREN`] are their [`Diagonals`].
+    pub slots: u32,
+    /// Where these go at the end of the shutter.
+    pub at_end: B::AtEnd,
+}
+
+impl<B: Bounds8> Node<B> {
     /// Bit `i` is set when slot `i` has a child.
-    pub valid: u32,
+    #[inline(always)]
+    pub fn valid(&self) -> u32 {
+        self.slots & CHILDREN
+    }
+
+    /// The diagonals of those children that are items, if they have some.
+    #[inline(always)]
+    pub fn diagonals(&self) -> Option<Diagonals> {
+        let (start, end) = (self.bounds.start(), self.bounds.end());
+        (self.slots > CHILDREN).then(|| Diagonals::of(self.slots, self.at_end, start, end))
+    }
 }
 
 /// A ray in the frame of a node, prepared for slab tests. Lower planes are moved down and upper planes up
@@ -327,29 +350,121 @@ pub fn enter<S: Simd, B: Bounds8>(
     t_min: f32,
     t_max: f32,
 ) -> Entered {
-    let (start, end) = (bounds.start(), bounds.end());
-    let mut near = simd.all8(t_min);
-    let mut far = simd.all8(t_max);
-    for axis in 0..3 {
-        let side = ray.near_side[axis] & 1;
-        let scale = start.step[axis] * ray.to_start[axis];
-        let mut base = start.origin[axis] * ray.to_start[axis];
-        let end_scale = end.step[axis] * ray.to_end[axis];
-        if B::MOVING {
-            base += end.origin[axis] * ray.to_end[axis];
+    let (mask, near) = Slabs8::new(simd, bounds, ray).between(simd, t_min, t_max);
+    (mask & valid, near.to_array())
+}
+
+/// Tests the children of a node; those that are items by their diagonals, too, if they have some.
+#[inline(always)]
+pub fn enter_node<S: Simd, B: Bounds8>(
+    simd: S,
+    node: &Node<B>,
+    ray: &SlabRay,
+    t_min: f32,
+    t_max: f32,
+) -> Entered {
+    let slabs = Slabs8::new(simd, &node.bounds, ray);
+    let (mask, near) = slabs.between(simd, t_min, t_max);
+    let mut mask = mask & node.valid();
+    if let Some(diagonals) = node.diagonals() {
+        let items = mask & simd.high_bits(&node.children);
+        if items != 0 {
+            mask &= !(items & slabs.passed_by(simd, &node.bounds, &diagonals, ray));
         }
-        let mut planes = [simd.all8(0.0); 2];
-        for (plane, side) in planes.iter_mut().zip([side, side ^ 1]) {
-            let q = simd.bytes8(&start.planes[axis][side]);
-            *plane = q.mul_add(simd.all8(scale), simd.all8(base + ray.base[side][axis]));
+    }
+    (mask, near.to_array())
+}
+
+/// Where a ray meets the near and the far planes of 8 children, by axis.
+struct Slabs8<F> {
+    /// The planes.
+    planes: [[F; 2]; 3],
+    /// What the start of the shutter has in them: all, where nothing moves.
+    start: [[F; 2]; 3],
+}
+
+impl<F: Float<8>> Slabs8<F> {
+    #[inline(always)]
+    fn new<S: Simd<F8 = F>, B: Bounds8>(simd: S, bounds: &B, ray: &SlabRay) -> Self {
+        let (start, end) = (bounds.start(), bounds.end());
+        let mut slabs = Self {
+            planes: [[simd.all8(0.0); 2]; 3],
+            start: [[simd.all8(0.0); 2]; 3],
+        };
+        for axis in 0..3 {
+            let near = ray.near_side[axis] & 1;
+            let scale = start.step[axis] * ray.to_start[axis];
+            let mut base = start.origin[axis] * ray.to_start[axis];
+            let end_scale = end.step[axis] * ray.to_end[axis];
             if B::MOVING {
-                let q = simd.bytes8(&end.planes[axis][side]);
-                *plane = q.mul_add(simd.all8(end_scale), *plane);
+                base += end.origin[axis] * ray.to_end[axis];
+            }
+            for (i, side) in [near, near ^ 1].into_iter().enumerate() {
+                let q = simd.bytes8(&start.planes[axis][side]);
+                let base = simd.all8(base + ray.base[side][axis]);
+                let mut plane = q.mul_add(simd.all8(scale), base);
+                slabs.start[axis][i] = plane;
+                if B::MOVING {
+                    let q = simd.bytes8(&end.planes[axis][side]);
+                    plane = q.mul_add(simd.all8(end_scale), plane);
+                }
+                slabs.planes[axis][i] = plane;
             }
         }
-        near = planes[0].max(near);
-        far = planes[1].min(far);
+        slabs
     }
-    let mask = hdtrapeze_simd::Mask::bits(near.le(far));
-    (mask & valid, near.to_array())
+
+    /// Children whose slabs a ray is in at once, between `t_min` and `t_max`, and where it enters them.
+    #[inline(always)]
+    fn between<S: Simd<F8 = F>>(&self, simd: S, t_min: f32, t_max: f32) -> (u32, F) {
+        let mut near = simd.all8(t_min);
+        let mut far = simd.all8(t_max);
+        for axis in &self.planes {
+            near = axis[0].max(near);
+            far = axis[1].min(far);
+        }
+        (near.le(far).bits(), near)
+    }
+
+    /// Children whose diagonals a ray passes by.
+    #[inline(always)]
+    fn passed_by<S: Simd<F8 = F>, B: Bounds8>(
+        &self,
+        simd: S,
+        bounds: &B,
+        diagonals: &Diagonals,
+        ray: &SlabRay,
+    ) -> u32 {
+        let (start, end) = (bounds.start(), bounds.end());
+        let zero = simd.all8(0.0);
+        let (mut a, mut e, mut reach) = ([zero; 3], [zero; 3], [zero; 3]);
+        for axis in 0..3 {
+            let [near, far] = self.planes[axis];
+            // A ray that goes down along one of x and this axis sees the diagonal the other way.
+            let turned = ray.near_side[axis] != ray.near_side[0];
+            let turned = if turned { CHILDREN } else { 0 };
+            let [at_start, at_end] = &diagonals.down;
+            let at_start = simd.mask8(at_start[axis] ^ turned);
+            let at_end = simd.mask8(at_end[axis] ^ turned);
+            (a[axis], e[axis]) = if B::MOVING {
+                let first = self.start[axis];
+                let rest = [near - first[0], far - first[1]];
+                segment::<8, F, true>(first, rest, [at_start, at_end])
+            } else if axis > 0 {
+                segment::<8, F, false>([near, far], [near, far], [at_start; 2])
+            } else {
+                (near, far - near)
+            };
+            let (to_start, to_end) = (ray.to_start[axis].abs(), ray.to_end[axis].abs());
+            let mut own = (start.step[axis] * STEP + diagonals.radius) * to_start;
+            if B::MOVING {
+                own += (end.step[axis] * STEP + diagonals.radius) * to_end;
+            }
+            let side = ray.near_side[axis] & 1;
+            let apart = ray.base[side ^ 1][axis] - ray.base[side][axis];
+            reach[axis] = simd.all8(own + apart * PADS);
+        }
+        let limits = [simd.all8(TINY), simd.all8(f32::INFINITY)];
+        passes_by(a, e, reach, limits).bits()
+    }
 }

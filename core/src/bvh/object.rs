@@ -12,6 +12,7 @@ use rayon::prelude::*;
 
 use super::block::Block;
 use super::build::{NEVER, Nodes, PARALLEL_ITEMS, Tree, build_sorted};
+use super::diagonal::CHILDREN;
 use super::gather::{Gathered, Part, gather, joined};
 use super::node::magnitude;
 use super::orient::Strands;
@@ -50,6 +51,8 @@ pub struct BlockTree<B: Bounds8> {
     pub frames: Vec<B::Turning>,
     /// Blocks, in the order of grids.
     pub blocks: Vec<Block<B>>,
+    /// Most nodes have [diagonals](super::diagonal), and no frame of their own.
+    pub diagonals: bool,
 }
 
 impl<B: Bounds8> BlockTree<B> {
@@ -62,6 +65,7 @@ impl<B: Bounds8> BlockTree<B> {
         },
         frames: Vec::new(),
         blocks: Vec::new(),
+        diagonals: false,
     };
 }
 
@@ -74,6 +78,18 @@ pub enum Blas {
     Moving(BlockTree<LinearSlabs>),
     /// The same in a space that moves along, or for parts of the shutter.
     Relative(Box<Relative>),
+}
+
+impl Blas {
+    /// True where rays that have little in common are faster one by one than in packets.
+    #[inline]
+    pub fn suits_single_rays(&self) -> bool {
+        match self {
+            Blas::Static(tree) => tree.diagonals,
+            Blas::Moving(tree) => tree.diagonals,
+            Blas::Relative(relative) => relative.trees.diagonals(),
+        }
+    }
 }
 
 /// What a tree holds, in numbers.
@@ -304,6 +320,42 @@ impl<B: Bounds8> Blocks<B> {
     }
 }
 
+/// Numbers about nodes.
+struct About {
+    /// As [`Bounds8::reach`].
+    reach: f64,
+    /// Those with a frame.
+    oriented: u64,
+    /// Those without one, and with diagonals.
+    diagonal: u64,
+}
+
+impl About {
+    const NOTHING: Self = Self {
+        reach: 0.0,
+        oriented: 0,
+        diagonal: 0,
+    };
+
+    fn of<B: Bounds8>(nodes: &[Node<B>]) -> Self {
+        nodes.iter().fold(Self::NOTHING, |all, node| {
+            all.join(Self {
+                reach: node.bounds.reach(),
+                oriented: u64::from(node.frame != 0),
+                diagonal: u64::from(node.frame == 0 && node.slots > CHILDREN),
+            })
+        })
+    }
+
+    fn join(self, o: Self) -> Self {
+        Self {
+            reach: self.reach.max(o.reach),
+            oriented: self.oriented + o.oriented,
+            diagonal: self.diagonal + o.diagonal,
+        }
+    }
+}
+
 /// Turns a mesh into rows and builds the tree over it, of full nodes where `full`, or where that costs no time; without
 /// frames where `upright`.
 pub(super) fn build_blocks<B: Bounds8>(mesh: DicedMesh, full: bool, upright: bool) -> Blocks<B> {
@@ -341,20 +393,18 @@ pub(super) fn build_blocks<B: Bounds8>(mesh: DicedMesh, full: bool, upright: boo
         &NEVER,
     );
     // Oriented bounds, and bounds as packed, may reach farther than any vertex: they are part of the radius.
-    let reach_of = |nodes: &[Node<B>]| {
-        let reaches = nodes.iter().map(|n| n.bounds.reach());
-        reaches.fold(0.0, f64::max)
-    };
-    let nodes = tree.nodes.par_chunks(PARALLEL_ITEMS).map(reach_of);
-    reach = reach.max(nodes.reduce(|| 0.0, f64::max));
+    let about = tree.nodes.par_chunks(PARALLEL_ITEMS).map(About::of);
+    let about = about.reduce(|| About::NOTHING, About::join);
+    reach = reach.max(about.reach);
     let radius = if empty {
         0.0
     } else {
         bounds.max_abs().max(magnitude(reach))
     };
+    let tree_nodes = tree.nodes.len() as u64;
     let stats = BvhStats {
-        nodes: tree.nodes.len() as u64,
-        oriented_nodes: tree.nodes.iter().filter(|n| n.frame != 0).count() as u64,
+        nodes: tree_nodes,
+        oriented_nodes: about.oriented,
         blocks: blocks.len() as u64,
         loose_groups: (item_count - blocks.len()) as u64,
         oriented_blocks,
@@ -370,6 +420,7 @@ pub(super) fn build_blocks<B: Bounds8>(mesh: DicedMesh, full: bool, upright: boo
             tree,
             frames,
             blocks,
+            diagonals: 2 * about.diagonal > tree_nodes,
         },
         bounds,
         radius,

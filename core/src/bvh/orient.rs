@@ -122,14 +122,17 @@ impl Strands<'_> {
     ) -> Option<Vec<Sorted<H>>> {
         let mut turned = items.to_vec();
         for part in turned.chunks_mut(GROUPS) {
-            let mut groups = [(0, CellRect::default()); GROUPS];
+            let mut groups = [(0, CellRect::default(), [Vec3::ZERO; 2]); GROUPS];
             for (to, item) in groups.iter_mut().zip(part.iter()) {
                 let (grid, slot) = loose_group(item.id())?;
-                *to = (grid, loose(&self.mesh.grids[grid as usize], slot));
+                let rect = loose(&self.mesh.grids[grid as usize], slot);
+                let [mean, half] = item.direction();
+                *to = (grid, rect, [mean - half, mean + half]);
             }
-            let boxes = bound_groups(self.level, self.mesh, &groups[..part.len()], frame);
-            for (item, bounds) in part.iter_mut().zip(&boxes) {
-                item.bounds = H::of(bounds);
+            let (boxes, diagonals) =
+                bound_groups(self.level, self.mesh, &groups[..part.len()], frame);
+            for ((item, bounds), diagonal) in part.iter_mut().zip(&boxes).zip(diagonals) {
+                item.bounds = H::of(bounds).along(diagonal);
             }
         }
         Some(turned)

@@ -84,6 +84,16 @@ pub enum Trees {
     Moving(Vec<BlockTree<LinearSlabs>>),
 }
 
+impl Trees {
+    /// As [`BlockTree::diagonals`], of all.
+    pub fn diagonals(&self) -> bool {
+        match self {
+            Trees::Still(tree) => tree.diagonals,
+            Trees::Moving(trees) => trees.iter().all(|tree| tree.diagonals),
+        }
+    }
+}
+
 /// What has been chosen.
 struct Plan {
     carrier: Option<Carrier>,

@@ -6,6 +6,7 @@ use hdtrapeze_simd::{Float, Simd};
 
 use super::LinearBox;
 use super::build::Item;
+use super::diagonal::Diagonal;
 use super::lanes::{Boxes8, Ranges8};
 
 /// A box of one kind: what grows, and has an area.
@@ -16,6 +17,11 @@ pub trait Hull: Clone + Copy + Send + Sync {
     type In<S: Simd>: Copy;
     /// The box; one that does not move contains both ends of one that does.
     fn of(bounds: &LinearBox) -> Self;
+    /// The same box with another diagonal; without one it has none.
+    #[must_use]
+    fn along(self, diagonal: Diagonal) -> Self;
+    /// The diagonal that what is in the box of one item is near to, [in numbers](Diagonal::to_numbers).
+    fn diagonal(&self) -> [f32; 2];
     /// Into registers.
     fn load<S: Simd>(&self, simd: S) -> Self::In<S>;
     /// Out of them.
@@ -44,7 +50,8 @@ pub trait Hull: Clone + Copy + Send + Sync {
     fn boxes<S: Simd>(simd: S, hulls: [&Self; 8]) -> Boxes8<S::F8>;
 }
 
-/// A box that does not move: lower bounds in lanes 0 to 2, and mirrored upper ones in lanes 4 to 6.
+/// A box that does not move: lower bounds in lanes 0 to 2, and mirrored upper ones in lanes 4 to 6. The number of its diagonal,
+/// mirrored, is in both others: their difference is 0, and their sum is of no use, but finite.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(16))]
 pub struct StaticHull([f32; 8]);
@@ -61,7 +68,18 @@ impl StaticHull {
     const EMPTY: Self = Self([f32::INFINITY; 8]);
 
     fn between(lo: Vec3, hi: Vec3) -> Self {
-        Self([lo.x, lo.y, lo.z, 0.0, -hi.x, -hi.y, -hi.z, 0.0])
+        let none = -Diagonal::NONE.radius;
+        Self([lo.x, lo.y, lo.z, none, -hi.x, -hi.y, -hi.z, none])
+    }
+
+    fn numbered(mut self, number: f32) -> Self {
+        (self.0[3], self.0[7]) = (-number, -number);
+        self
+    }
+
+    #[inline(always)]
+    fn number(&self) -> f32 {
+        -self.0[3]
     }
 
     #[inline(always)]
@@ -109,6 +127,14 @@ impl Hull for StaticHull {
     }
     fn of(b: &LinearBox) -> Self {
         Self::between(b.lo0.min(b.lo1), b.hi0.max(b.hi1))
+    }
+    fn along(self, diagonal: Diagonal) -> Self {
+        let [start, _] = diagonal.to_numbers();
+        self.numbered(start)
+    }
+    #[inline(always)]
+    fn diagonal(&self) -> [f32; 2] {
+        [self.number(); 2]
     }
     #[inline(always)]
     fn load<S: Simd>(&self, simd: S) -> S::F8 {
@@ -173,6 +199,17 @@ impl Hull for LinearHull {
             start: StaticHull::between(b.lo0, b.hi0),
             end: StaticHull::between(b.lo1, b.hi1),
         }
+    }
+    fn along(self, diagonal: Diagonal) -> Self {
+        let [start, end] = diagonal.to_numbers();
+        Self {
+            start: self.start.numbered(start),
+            end: self.end.numbered(end),
+        }
+    }
+    #[inline(always)]
+    fn diagonal(&self) -> [f32; 2] {
+        [self.start.number(), self.end.number()]
     }
     #[inline(always)]
     fn load<S: Simd>(&self, simd: S) -> [S::F8; 2] {
@@ -249,13 +286,13 @@ pub struct Sorted<H: Hull> {
 impl<H: Hull> Sorted<H> {
     /// Of an item.
     pub fn of(item: &Item) -> Self {
-        Self::along(item, [Vec3::ZERO; 2])
+        Self::along(item, [Vec3::ZERO; 2], Diagonal::NONE)
     }
 
     /// Of a part of a strand, from end to end of it at both ends of the shutter.
-    pub fn along(item: &Item, [start, end]: [Vec3; 2]) -> Self {
+    pub fn along(item: &Item, [start, end]: [Vec3; 2], diagonal: Diagonal) -> Self {
         Self {
-            bounds: H::of(&item.bounds),
+            bounds: H::of(&item.bounds).along(diagonal),
             rest: ((start + end) * 0.5).extend(f32::from_bits(item.id)),
             swing: H::swing((end - start) * 0.5),
         }

@@ -4,7 +4,7 @@ use std::cell::Cell;
 
 use hdtrapeze_simd::{Float, Kernel, Mask, Simd};
 
-use super::inside::InsideMany;
+use super::inside::{Inside, InsideMany};
 use super::late::Late;
 use super::movers::MoversMany;
 use super::packet::{LANES, Lanes, PACKET, Packet, Rays, VECTORS, part, split};
@@ -210,16 +210,81 @@ impl World {
                 *local = set.to_object16(simd, i, rays, lanes, self.origin);
             }
         }
-        self.level.run(InsideMany {
-            object,
-            instance: item,
-            rays: &space.rays[..rays.len().min(VECTORS)],
-            lanes,
-            queries,
-            room,
-        });
+        let rays = &space.rays[..rays.len().min(VECTORS)];
+        if object.blas().suits_single_rays() && are_scattered(simd, rays, lanes) {
+            self.inside_alone(object, item, rays, lanes, queries, room);
+        } else {
+            self.level.run(InsideMany {
+                object,
+                instance: item,
+                rays,
+                lanes,
+                queries,
+                room,
+            });
+        }
         room.give_back(space);
     }
+
+    /// Traces the rays `lanes` through an object, in its own space, one by one.
+    fn inside_alone(
+        &self,
+        object: &ObjectGeometry,
+        item: u32,
+        rays: &[Rays],
+        lanes: u64,
+        queries: &mut Queries,
+        room: &mut Room,
+    ) {
+        let mut rest = lanes;
+        while rest != 0 {
+            let ray = rest.trailing_zeros() as usize;
+            rest &= rest - 1;
+            let mut query = queries.alone(ray);
+            if query.done() {
+                continue;
+            }
+            let (v, lane) = split(ray);
+            let mut counts = TraceCounts::default();
+            self.level.run(Inside::<false> {
+                object,
+                instance: item,
+                hidden: None,
+                ray: (
+                    rays[v].origin_of(lane),
+                    rays[v].dir_of(lane),
+                    rays[v].time[lane],
+                ),
+                query: &mut query,
+                stack: &mut room.stack,
+                counts: &mut counts,
+            });
+            queries.found_alone(ray, &query, &counts);
+        }
+    }
+}
+
+/// Directions that differ by more than this part of the largest component of any, along an axis, are scattered.
+const SCATTERED: f32 = 1.0;
+
+/// True where the rays `lanes` go in all directions, more or less: few of a packet meet the same nodes.
+#[inline(always)]
+fn are_scattered<S: Simd>(simd: S, rays: &[Rays], lanes: u64) -> bool {
+    let (mut widest, mut longest) = (0.0f32, 0.0f32);
+    for axis in 0..3 {
+        let (above, below) = (simd.all16(f32::INFINITY), simd.all16(f32::NEG_INFINITY));
+        let (mut least, mut most) = (above, below);
+        for (v, rays) in rays.iter().enumerate() {
+            let lanes = simd.mask16(part(lanes, v));
+            let dir = simd.from16(&rays.dir[axis]);
+            least = dir.or(lanes, above).min(least);
+            most = dir.or(lanes, below).max(most);
+        }
+        let (least, most) = (least.least(), most.most());
+        widest = widest.max(most - least);
+        longest = longest.max(most).max(-least);
+    }
+    widest > SCATTERED * longest
 }
 
 /// Rays of a vector by what they are made of, and what is asked about each; the lanes of those that ask for something.

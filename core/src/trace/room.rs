@@ -3,6 +3,7 @@
 use super::cell_rays::CellRays;
 use super::packet::{LANES, PACKET, Rays, Record, Slabs, VECTORS};
 use super::pairs::Pairs;
+use super::traverse::Stack;
 use super::traverse_packet::{Queries, Waiting};
 
 /// What a thread keeps between packets; taken while in use.
@@ -10,6 +11,8 @@ use super::traverse_packet::{Queries, Waiting};
 pub(super) struct Room {
     /// Subtrees still to visit, farthest first.
     pub waiting: Vec<Waiting>,
+    /// The same of a ray by itself.
+    pub stack: Stack,
     /// Pairs of rays and groups.
     pub pairs: Pairs,
     /// What rays look for.

@@ -13,7 +13,7 @@ use super::object_ray::ObjectRay;
 use super::sides::Side;
 use super::{Hit, TraceCounts};
 use crate::bvh::block::{CellRect, loose};
-use crate::bvh::node::enter;
+use crate::bvh::node::{enter, enter_node};
 use crate::bvh::object::{BlockTree, ObjectGeometry, loose_group};
 use crate::bvh::{Bounds8, Tree};
 use crate::grid::PlanarMesh;
@@ -118,14 +118,8 @@ pub(super) fn walk<S: Simd, B: Bounds8>(
                 }
                 turned.as_ref().unwrap_or(&ray.slab)
             };
-            let (mut mask, near) = enter(
-                simd,
-                &node.bounds,
-                node.valid,
-                slab,
-                query.t_min,
-                query.best.t,
-            );
+            let (t_min, t_max) = (query.t_min, query.best.t);
+            let (mut mask, near) = enter_node(simd, node, slab, t_min, t_max);
             if mask != 0 {
                 // The nearest child is next; the others wait, sorted so that nearer ones come off
                 // the stack first.

@@ -17,7 +17,7 @@ use super::packet::{
 use super::pairs::{Pairs, expect};
 use super::relative::SeenMany;
 use super::room::{Room, Space};
-use super::traverse::Target;
+use super::traverse::{Query, Target};
 use super::{Hit, TraceCounts, two_cells};
 use crate::bvh::block::{Block, CellRect, loose};
 use crate::bvh::object::{BlockTree, loose_group};
@@ -164,6 +164,28 @@ impl Queries {
         self.ranges[v] = in_turns(simd, least, -most);
     }
 
+    /// What a ray looks for.
+    pub fn alone(&self, ray: usize) -> Query {
+        let (v, lane) = split(ray);
+        Query {
+            t_min: self.ranges[v][lane][0],
+            best: self.best[ray & (PACKET - 1)],
+            after: None,
+            any: self.any,
+        }
+    }
+
+    /// What a ray found by itself, and what that cost.
+    pub fn found_alone(&mut self, ray: usize, query: &Query, counts: &TraceCounts) {
+        self.counts = self.counts + *counts;
+        if self.each {
+            let (v, lane) = split(ray);
+            self.nodes[v][lane] += counts.node_tests as f32;
+            self.cells[v][lane] += counts.cell_tests as f32;
+        }
+        self.offer(ray, query.best);
+    }
+
     /// A hit of a ray.
     #[inline(always)]
     fn offer(&mut self, ray: usize, hit: Hit) {
@@ -228,7 +250,7 @@ pub(super) fn walk_packet<S: Simd, B: Bounds8>(
                 }
                 &*turned
             };
-            let mut valid = node.valid;
+            let mut valid = node.valid();
             // Children that all rays are taken to meet: testing them would leave out few.
             let mut all = 0;
             let mut near = [0.0; 8];

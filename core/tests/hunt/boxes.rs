@@ -51,7 +51,8 @@ fn bounds_of_rotated_vertices() {
         let p = vec3(genes, (scale - 26).max(-149), scale);
         let frame = frame(genes);
         let planar = PlanarMesh::from(mesh(&[(1, 1)], &[0.0], |_, _, _, _| p));
-        let bounds = bound_groups(Level::best(), &planar, &[(0, CELL)], &frame)[0];
+        let groups = [(0, CELL, [Vec3::ZERO; 2])];
+        let bounds = bound_groups(Level::best(), &planar, &groups, &frame).0[0];
         let size = f64::from(p.x.abs()) + f64::from(p.y.abs()) + f64::from(p.z.abs());
         let pad = f64::from(ROTATION_PAD) * size + f64::from(ROTATION_TINY);
         (0..3).fold(f64::NEG_INFINITY, |worst, a| {

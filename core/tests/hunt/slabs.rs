@@ -5,10 +5,11 @@ use std::marker::PhantomData;
 
 use glam::Vec3;
 use hdtrapeze_core::bvh::bound::bound_groups;
+use hdtrapeze_core::bvh::diagonal::{Diagonal, packed};
 use hdtrapeze_core::bvh::lanes::Boxes8;
-use hdtrapeze_core::bvh::node::{enter, magnitude};
+use hdtrapeze_core::bvh::node::{enter, enter_node, magnitude};
 use hdtrapeze_core::bvh::turn::{Between, Pose, Turn};
-use hdtrapeze_core::bvh::{Bounds8, Frame, LinearBox, LinearSlabs, StaticSlabs};
+use hdtrapeze_core::bvh::{Bounds8, Frame, LinearBox, LinearSlabs, Node, StaticSlabs, Tree};
 use hdtrapeze_core::grid::PlanarMesh;
 use hdtrapeze_core::trace::beam::Beam;
 use hdtrapeze_core::trace::cell::CellRay;
@@ -26,6 +27,8 @@ use crate::trace_scenes::mesh;
 struct Case {
     mesh: PlanarMesh,
     boxes: [LinearBox; 2],
+    /// Of the first of them, where it is a part of a strand.
+    diagonal: Option<Diagonal>,
     frame: Frame,
     /// In which it is bounded in place of `frame`.
     turn: Option<Turn>,
@@ -36,8 +39,9 @@ struct Case {
 }
 
 impl Case {
-    /// `turns` asks for a frame that is not the identity, most often.
-    fn new(genes: &mut Genes<'_>, scale: i32, turns: bool) -> Case {
+    /// `turns` asks for a frame that is not the identity, most often, and `strand` for a cell that is thin, in one that does not
+    /// turn.
+    fn new(genes: &mut Genes<'_>, scale: i32, (turns, strand): (bool, bool)) -> Case {
         let keys: &[f32] = match genes.below(4) {
             0 => &[0.0],
             1 => &[0.0, 1.0],
@@ -57,7 +61,7 @@ impl Case {
         };
         // Flat in an axis, or none.
         let flat = genes.below(6);
-        let corners: Vec<Vec3> = (0..4 * keys.len())
+        let mut corners: Vec<Vec3> = (0..4 * keys.len())
             .map(|_| {
                 let mut p = vec3(genes, (size - 3).max(-149), size) + offset;
                 if flat < 3 {
@@ -66,6 +70,12 @@ impl Case {
                 p
             })
             .collect();
+        if strand {
+            let thin = (size - genes.whole(1, 24)).max(-149);
+            for ends in corners.chunks_exact_mut(2) {
+                ends[1] = ends[0] + vec3(genes, (thin - 3).max(-149), thin);
+            }
+        }
         let corner: HashMap<(u32, u32), usize> =
             [(0.0f32, 0.0f32), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)]
                 .into_iter()
@@ -81,13 +91,21 @@ impl Case {
             true => frame(genes),
             false => Frame::IDENTITY,
         };
-        let turn = (turns && keys.len() > 1 && genes.below(2) == 0)
+        let turn = (turns && !strand && keys.len() > 1 && genes.below(2) == 0)
             .then(|| turn(genes, frame, keys, &corners));
         let level = Level::best();
-        let bounds = match &turn {
-            Some(turn) => bound_groups(level, &planar, &[(0, CELL)], turn)[0],
-            None => bound_groups(level, &planar, &[(0, CELL)], &frame)[0],
+        // From one end to the other, or any way.
+        let last = keys.len() - 1;
+        let mut directions = [0, last].map(|k| corners[4 * k + 2] - corners[4 * k]);
+        if strand && genes.below(8) == 0 {
+            directions = [(); 2].map(|()| vec3(genes, -1, 0));
+        }
+        let groups = [(0, CELL, directions)];
+        let (bounds, diagonals) = match &turn {
+            Some(turn) => bound_groups(level, &planar, &groups, turn),
+            None => bound_groups(level, &planar, &groups, &frame),
         };
+        let (bounds, diagonal) = (bounds[0], strand.then_some(diagonals[0]));
         // A neighbour that decides where planes lie.
         let by = vec3(genes, (size - 3).max(-149), scale);
         let neighbour = LinearBox {
@@ -115,6 +133,7 @@ impl Case {
         Case {
             mesh: planar,
             boxes,
+            diagonal,
             frame,
             turn,
             radius,
@@ -261,7 +280,11 @@ impl Way {
                     None if turns => ray.turned(&case.frame),
                     None => ray.slab,
                 };
-                enter(simd, bounds, 1, &slabs, t, t).0 == 1
+                let Some(diagonal) = case.diagonal else {
+                    return enter(simd, bounds, 1, &slabs, t, t).0 == 1;
+                };
+                let node = of_strand(bounds, diagonal);
+                enter_node(simd, &node, &slabs, t, t).0 == 1
             }
             Way::InBeam(bundle) => {
                 let mut rays = [Rays::NONE; VECTORS];
@@ -361,6 +384,21 @@ impl Way {
     }
 }
 
+/// A node with an item in its first place.
+fn of_strand<B: Bounds8>(bounds: &B, diagonal: Diagonal) -> Node<B> {
+    let [start, end] = diagonal.to_numbers();
+    let numbers = [start, end].map(|n| [n, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    let grids = (bounds.start(), bounds.end());
+    let (diagonals, at_end) = packed(Level::best(), grids, &numbers);
+    Node {
+        bounds: *bounds,
+        children: [Tree::<B>::LEAF; 8],
+        frame: 0,
+        slots: 1 | diagonals,
+        at_end,
+    }
+}
+
 /// The smallest share of the pad that lets a ray in; no number where any does, as where there is no beam.
 fn used(entered: impl Fn(f64) -> bool) -> f64 {
     // With the ray's own pad first: what is hit must be entered, whatever scaled pads say.
@@ -446,13 +484,13 @@ fn hunt(
     scales: (i32, i32),
     seed: u64,
     least: f64,
-    turns: bool,
+    kind: (bool, bool),
     way: impl Fn(&mut Genes<'_>, &Case) -> Way + Sync,
 ) {
     for (level, seed) in Level::available().into_iter().zip(seed..) {
         let found = climb(20_000, 64, seed, |genes| {
             let scale = genes.whole(scales.0, scales.1);
-            let case = Case::new(genes, scale, turns);
+            let case = Case::new(genes, scale, kind);
             score(&case, &way(genes, &case), level)
         });
         found.check(&format!("{what}, {}", level.name()), least);
@@ -476,20 +514,47 @@ fn in_beam(genes: &mut Genes<'_>, case: &Case) -> Way {
 
 #[test]
 fn slabs_of_cells() {
-    hunt("slabs", (-10, 10), 10, 0.03, true, ray_by_ray);
+    hunt("slabs", (-10, 10), 10, 0.03, (true, false), ray_by_ray);
 }
 
 #[test]
 fn slabs_of_tiny_and_huge_cells() {
-    hunt("slabs of any size", (-149, 58), 20, 0.03, true, ray_by_ray);
+    hunt(
+        "slabs of any size",
+        (-149, 58),
+        20,
+        0.03,
+        (true, false),
+        ray_by_ray,
+    );
+}
+
+#[test]
+fn diagonals_of_strands() {
+    let alone = |_: &mut Genes<'_>, _: &Case| Way::Alone;
+    hunt("diagonals", (-10, 10), 50, 0.03, (true, true), alone);
+}
+
+#[test]
+fn diagonals_of_tiny_and_huge_strands() {
+    let alone = |_: &mut Genes<'_>, _: &Case| Way::Alone;
+    let what = "diagonals of any size";
+    hunt(what, (-149, 58), 60, 0.03, (true, true), alone);
 }
 
 #[test]
 fn beams_of_cells() {
-    hunt("beams", (-10, 10), 36, 0.002, false, in_beam);
+    hunt("beams", (-10, 10), 36, 0.002, (false, false), in_beam);
 }
 
 #[test]
 fn beams_of_tiny_and_huge_cells() {
-    hunt("beams of any size", (-149, 58), 40, 0.002, false, in_beam);
+    hunt(
+        "beams of any size",
+        (-149, 58),
+        40,
+        0.002,
+        (false, false),
+        in_beam,
+    );
 }

@@ -97,7 +97,7 @@ fn check_tree<B: Bounds8>(
         let node = &tree.tree.nodes[reference as usize];
         frame = tree.tree.frames[node.frame as usize].turn();
         children = (0..8)
-            .filter(|s| node.valid >> s & 1 == 1)
+            .filter(|s| node.slots >> s & 1 == 1)
             .map(|s| {
                 let below = check_tree(mesh, tree, node.children[s], times, place)?;
                 Ok((node.bounds.unpack(s), frame, below))

@@ -5,8 +5,8 @@ use std::ops::{Add, BitAnd, BitOr, Mul, Neg, Sub};
 
 use super::avx2_apart;
 use super::eight::{
-    BIT, F256, M256, all8, bytes_in_turns, bytes8, four_pairs, from8, halves_swapped, outward8,
-    transposed,
+    BIT, F256, M256, all8, bytes_in_turns, bytes8, four_pairs, from8, halves_swapped, high_bits,
+    mask8, outward8, transposed,
 };
 use super::rows::{expect, expect_lattice, long_rows, rows, within};
 use crate::{Float, Mask, Part, Simd, scalar};
@@ -116,15 +116,6 @@ fn zip8(even: F256, odd: F256) -> Pair {
     })
 }
 
-#[inline(always)]
-fn mask8(bits: u32) -> M256 {
-    x86!({
-        let lane = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
-        let set = _mm256_and_si256(_mm256_set1_epi32(bits.cast_signed()), lane);
-        M256(_mm256_castsi256_ps(_mm256_cmpeq_epi32(set, lane)))
-    })
-}
-
 /// One to the right in each of two rows of a lattice; the last of each is the row's end.
 #[inline(always)]
 fn right(rows: __m256, ends: __m256) -> F256 {
@@ -231,6 +222,14 @@ impl Simd for Avx2 {
                 F256(_mm256_shuffle_ps::<0b11_01_11_01>(second[0], second[1])),
             ),
         ])
+    }
+    #[inline(always)]
+    fn mask8(self, bits: u32) -> M256 {
+        mask8(bits)
+    }
+    #[inline(always)]
+    fn high_bits(self, x: &[u32; 8]) -> u32 {
+        high_bits(x)
     }
     #[inline(always)]
     fn bytes8(self, x: &[u8; 8]) -> F256 {

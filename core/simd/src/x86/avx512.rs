@@ -6,8 +6,8 @@ use std::ops::{Add, BitAnd, BitOr, Mul, Neg, Sub};
 use super::avx2::Pair;
 use super::avx512_apart;
 use super::eight::{
-    BIT, F256, all8, bytes_in_turns, bytes8, four_pairs, from8, halves_swapped, outward8,
-    transposed,
+    BIT, F256, M256, all8, bytes_in_turns, bytes8, four_pairs, from8, halves_swapped, high_bits,
+    mask8, outward8, transposed,
 };
 use super::rows::{expect, expect_lattice, long_rows, rows, within};
 use crate::{Float, Mask, Part, Simd};
@@ -249,6 +249,14 @@ impl Simd for Avx512 {
             chosen(&UNZIPPED[0], low, high),
             chosen(&UNZIPPED[1], low, high),
         ]
+    }
+    #[inline(always)]
+    fn mask8(self, bits: u32) -> M256 {
+        mask8(bits)
+    }
+    #[inline(always)]
+    fn high_bits(self, x: &[u32; 8]) -> u32 {
+        high_bits(x)
     }
     #[inline(always)]
     fn bytes8(self, x: &[u8; 8]) -> F256 {

@@ -153,6 +153,20 @@ fn fours_transposed([a, b, c, d]: [F256; 4]) -> [F256; 4] {
 }
 
 #[inline(always)]
+pub(super) fn mask8(bits: u32) -> M256 {
+    x86!({
+        let lane = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
+        let set = _mm256_and_si256(_mm256_set1_epi32(bits.cast_signed()), lane);
+        M256(_mm256_castsi256_ps(_mm256_cmpeq_epi32(set, lane)))
+    })
+}
+
+#[inline(always)]
+pub(super) fn high_bits(x: &[u32; 8]) -> u32 {
+    x86!(_mm256_movemask_ps(_mm256_loadu_ps(x.as_ptr().cast()))).cast_unsigned()
+}
+
+#[inline(always)]
 pub(super) fn bytes8(x: &[u8; 8]) -> F256 {
     x86!({
         let bytes = _mm_loadl_epi64(x.as_ptr().cast());
