@@ -13,7 +13,7 @@
 //! on the child, is computed once, and a plane costs one product and one sum an end.
 
 use glam::DVec3;
-use hdtrapeze_simd::{Float, Kernel, Level, Mask, Simd};
+use hdtrapeze_simd::{Float, Kernel, Level, Mask, Part, Simd};
 
 use super::diagonal::{AtEnd, CHILDREN, Diagonals, PADS, STEP, TINY, passes_by, segment};
 use super::lanes::{Boxes8, Ranges8};
@@ -369,10 +369,33 @@ pub fn enter_node<S: Simd, B: Bounds8>(
     if let Some(diagonals) = node.diagonals() {
         let items = mask & simd.high_bits(&node.children);
         if items != 0 {
-            mask &= !(items & slabs.passed_by(simd, &node.bounds, &diagonals, ray));
+            let passed = simd.apart(PassedBy {
+                slabs: &slabs,
+                bounds: &node.bounds,
+                diagonals: &diagonals,
+                ray,
+            });
+            mask &= !(items & passed);
         }
     }
     (mask, near.to_array())
+}
+
+/// Apart, so that nodes without diagonals are tested as if there were none.
+struct PassedBy<'a, F, B> {
+    slabs: &'a Slabs8<F>,
+    bounds: &'a B,
+    diagonals: &'a Diagonals,
+    ray: &'a SlabRay,
+}
+
+impl<S: Simd, B: Bounds8> Part<S> for PassedBy<'_, S::F8, B> {
+    type Output = u32;
+    #[inline(always)]
+    fn run(self, simd: S) -> u32 {
+        self.slabs
+            .passed_by(simd, self.bounds, self.diagonals, self.ray)
+    }
 }
 
 /// Where a ray meets the near and the far planes of 8 children, by axis.
