@@ -54,8 +54,8 @@ compare() {
 }
 
 peers() {
-    compare $out/peers-1m.md --size 1 --rounds 2 --scene sheet --scene patches
-    compare $out/peers-fur.md --size 1 --rounds 2 --scene fur
+    compare $out/peers-1m.md --size 1 --rounds 2 --scene sheet --scene patches --scene fur
+    compare $out/peers-fur.md --size 1 --order block --samples 4 --rounds 2 --image 640 360 --scene fur
     compare $out/peers-combed.md --size 1 --rounds 2 --scene combed
     compare $out/peers-16m.md --size 16 --rounds 2 --order block --scene sheet --scene patches
     # Embree's rates are so low here that fewer rays are enough.
