@@ -203,9 +203,9 @@ impl Diagonals {
     }
 }
 
-/// A diagonal along one axis, in distances along rays: where it begins, and how far it goes. `start` has the near and the far plane, or
-/// with `MOVING` what the start of the shutter has in them, and `end` what its end adds; `down` has those diagonals that begin at
-/// the far one, at both ends.
+/// A diagonal along one axis, in distances along rays: where it begins, and how far it goes. First the near and the far plane are
+/// given, or with `MOVING` what the start of the shutter has in them; then what its end adds, which is not looked at otherwise.
+/// `down` has the diagonals that begin at the far plane, at both ends.
 #[inline(always)]
 pub fn segment<const N: usize, F: Float<N>, const MOVING: bool>(
     [near, far]: [F; 2],

@@ -289,7 +289,8 @@ impl<H: Hull> Sorted<H> {
         Self::along(item, [Vec3::ZERO; 2], Diagonal::NONE)
     }
 
-    /// Of a part of a strand, from end to end of it at both ends of the shutter.
+    /// Of a part of a strand, from end to end of it at both ends of the shutter, near to a diagonal of its box. Zero and none for
+    /// all else.
     pub fn along(item: &Item, [start, end]: [Vec3; 2], diagonal: Diagonal) -> Self {
         Self {
             bounds: H::of(&item.bounds).along(diagonal),
