@@ -28,6 +28,8 @@ pub struct PlanarMesh {
     /// Lattice vertices of all grids, per key.
     pub vertex_count: usize,
     floats: Vec<f32>,
+    /// The first grid, where all have its rates and vertices that follow each other: where they are need not be looked up.
+    alike: Option<Grid>,
     /// Keys of `normals`.
     pub normal_key_count: usize,
     /// Unit normals, octahedral.
@@ -215,6 +217,16 @@ impl Kernel for Turn<'_> {
     }
 }
 
+/// As [`PlanarMesh::alike`].
+fn alike(grids: &[Grid]) -> Option<Grid> {
+    let first = *grids.first()?;
+    let n = first.vertex_count() as u64;
+    let same = |(g, grid): (u64, &Grid)| {
+        (grid.nu, grid.nv) == (first.nu, first.nv) && u64::from(grid.first_vertex) == g * n
+    };
+    (0u64..).zip(grids).all(same).then_some(first)
+}
+
 impl From<DicedMesh> for PlanarMesh {
     fn from(mesh: DicedMesh) -> Self {
         Self::turned(mesh, |run| run.turn(Level::best(), |_, _| {})).0
@@ -263,7 +275,9 @@ impl PlanarMesh {
         }
         runs.push(run(number..mesh.grids.len(), from, rest));
         let visited = runs.into_par_iter().map(visit).collect();
+        let alike = alike(&mesh.grids);
         let mesh = Self {
+            alike,
             origin: mesh.origin,
             key_times: mesh.key_times,
             grids: mesh.grids,
@@ -274,6 +288,19 @@ impl PlanarMesh {
             channels: mesh.channels,
         };
         (mesh, visited)
+    }
+
+    /// Rates and first vertex of grid `g`. Of millions of strands that rays come to at random, looking them up takes as long
+    /// as fetching vertices, and comes before it.
+    #[inline(always)]
+    pub(crate) fn traced(&self, g: u32) -> Grid {
+        match self.alike {
+            Some(first) => Grid {
+                first_vertex: g * first.vertex_count() as u32,
+                ..first
+            },
+            None => self.grids[g as usize],
+        }
     }
 
     /// The rows of grid `g`.
@@ -405,6 +432,53 @@ impl PlanarMesh {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn traced_grids_are_those_of_the_mesh() {
+        let mesh = |rates: &[(u16, u16)]| {
+            let mut mesh = DicedMesh {
+                key_times: vec![0.0],
+                ..DicedMesh::default()
+            };
+            for &(nu, nv) in rates {
+                let first_vertex = mesh.vertex_count as u32;
+                let grid = Grid {
+                    first_vertex,
+                    element: 7,
+                    nu,
+                    nv,
+                };
+                mesh.vertex_count += grid.vertex_count();
+                mesh.grids.push(grid);
+            }
+            mesh.positions = vec![Vec3::ZERO; mesh.vertex_count + 9];
+            mesh
+        };
+        let check = |mesh: DicedMesh, alike: bool| {
+            let mesh = PlanarMesh::from(mesh);
+            assert_eq!(mesh.alike.is_some(), alike);
+            for (g, grid) in (0..).zip(&mesh.grids) {
+                let traced = mesh.traced(g);
+                let of = |grid: &Grid| (grid.first_vertex, grid.nu, grid.nv);
+                assert_eq!(of(&traced), of(grid), "{g}");
+            }
+        };
+        check(mesh(&[(1, 16); 9]), true);
+        check(mesh(&[(3, 2)]), true);
+        check(mesh(&[]), false);
+        check(mesh(&[(1, 16), (1, 16), (1, 15)]), false);
+        // As many vertices, in other rows.
+        check(mesh(&[(3, 2), (2, 3), (3, 2)]), false);
+        // Vertices that no grid has, before the first one or between two.
+        for from in [0, 2] {
+            let mut mesh = mesh(&[(1, 16); 4]);
+            for grid in &mut mesh.grids[from..] {
+                grid.first_vertex += 9;
+            }
+            mesh.vertex_count += 9;
+            check(mesh, false);
+        }
+    }
 
     #[test]
     fn rows_hold_the_positions() {

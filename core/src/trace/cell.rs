@@ -134,7 +134,7 @@ impl CellRay {
         hidden: Option<Side>,
         mut accept: impl FnMut(u32, CellHit),
     ) {
-        let grid = &mesh.grids[g as usize];
+        let grid = &mesh.traced(g);
         let lattice = mesh.lattice(grid, self.key, rect.i, rect.j);
         let [x, y, z] = self.relative::<S, MOVING>(simd, lattice);
         let x = x - z * simd.all16(self.slope[0]);

@@ -22,7 +22,7 @@ pub fn expect<S: Simd, const MOVING: bool>(
     rect: CellRect,
     key: u32,
 ) {
-    let grid = &mesh.grids[g as usize];
+    let grid = &mesh.traced(g);
     let lattice = mesh.lattice(grid, key as usize, rect.i, rect.j);
     if MOVING {
         lattice.expect::<S, 2>(simd);
@@ -91,7 +91,7 @@ impl Pairs {
         g: u32,
         rect: CellRect,
     ) {
-        let grid = &mesh.grids[g as usize];
+        let grid = &mesh.traced(g);
         let key = cells.key[one] as usize;
         let axes = axes_with(cells.z_axis[one]);
         let lattice = mesh.lattice(grid, key, rect.i, rect.j);

@@ -144,7 +144,7 @@ impl World {
             stack,
             counts,
             #[inline(always)]
-            |_| {},
+            |_| false,
             #[inline(always)]
             |item, query, stack, counts| {
                 if !B::MOVING && item == MOVERS {

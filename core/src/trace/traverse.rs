@@ -18,6 +18,9 @@ use crate::bvh::object::{BlockTree, ObjectGeometry, loose_group};
 use crate::bvh::{Bounds8, Tree};
 use crate::grid::PlanarMesh;
 
+/// No item.
+const NONE: u32 = u32::MAX;
+
 /// Subtrees still to visit, farthest first: reference, and where the ray enters.
 pub(super) type Stack = Vec<(u32, f32)>;
 
@@ -78,7 +81,8 @@ impl Hit {
 }
 
 /// Walks a tree below `root`; `leaf(item, query, stack, counts)` is called for items that the ray may hit, and may
-/// use the stack above what it finds there.
+/// use the stack above what it finds there. `soon(item)` asks for an item from memory. If it says so, the item
+/// is tested only after one more node, and comes meanwhile: that node is opened in vain where the item is hit.
 #[inline(always)]
 #[allow(clippy::too_many_arguments)] // one call, inlined
 pub(super) fn walk<S: Simd, B: Bounds8>(
@@ -89,7 +93,7 @@ pub(super) fn walk<S: Simd, B: Bounds8>(
     query: &mut Query,
     stack: &mut Stack,
     counts: &mut TraceCounts,
-    soon: impl Fn(u32),
+    soon: impl Fn(u32) -> bool,
     mut leaf: impl FnMut(u32, &mut Query, &mut Stack, &mut TraceCounts),
 ) {
     if root == Tree::<B>::EMPTY {
@@ -97,16 +101,23 @@ pub(super) fn walk<S: Simd, B: Bounds8>(
     }
     let floor = stack.len();
     let mut at = root;
+    // An item that was asked for from memory.
+    let mut waits = NONE;
     // The frame that the ray was turned into last: whole subtrees share one.
     let (mut frame, mut turned) = (0, None);
     loop {
+        // What is entered here, and the item to be tested before that is followed.
+        let (mut entered, mut children) = ((0, [0.0; 8]), &[0; 8]);
+        let mut due = NONE;
         if at & Tree::<B>::LEAF != 0 {
-            leaf(at & !Tree::<B>::LEAF, query, stack, counts);
-            if query.done() {
-                stack.truncate(floor);
-                return;
+            due = at & !Tree::<B>::LEAF;
+            let is_last = waits == NONE && stack.len() <= floor;
+            if !is_last && soon(due) {
+                std::mem::swap(&mut due, &mut waits);
             }
         } else {
+            // All of it at once: which children there are is asked when their bounds were tested.
+            simd.expect(&tree.nodes, at as usize);
             let node = &tree.nodes[at as usize];
             counts.node_tests += 1;
             let slab = if node.frame == 0 {
@@ -119,42 +130,57 @@ pub(super) fn walk<S: Simd, B: Bounds8>(
                 turned.as_ref().unwrap_or(&ray.slab)
             };
             let (t_min, t_max) = (query.t_min, query.best.t);
-            let (mut mask, near) = enter_node(simd, node, slab, t_min, t_max);
-            if mask != 0 {
-                // The nearest child is next; the others wait, sorted so that nearer ones come off
-                // the stack first.
-                let mut slot = mask.trailing_zeros() as usize;
-                mask &= mask - 1;
-                let (mut next, mut next_near) = (node.children[slot], near[slot]);
-                let base = stack.len();
-                while mask != 0 {
-                    slot = mask.trailing_zeros() as usize;
-                    mask &= mask - 1;
-                    let mut entry = (node.children[slot], near[slot]);
-                    if entry.0 & Tree::<B>::LEAF != 0 {
-                        soon(entry.0 & !Tree::<B>::LEAF);
-                    } else {
-                        simd.expect(&tree.nodes, entry.0 as usize);
-                    }
-                    if entry.1 < next_near {
-                        std::mem::swap(&mut entry.0, &mut next);
-                        std::mem::swap(&mut entry.1, &mut next_near);
-                    }
-                    stack.push(entry);
-                    let mut i = stack.len() - 1;
-                    while i > base && stack[i - 1].1 < stack[i].1 {
-                        stack.swap(i - 1, i);
-                        i -= 1;
-                    }
-                }
-                at = next;
-                continue;
+            entered = enter_node(simd, node, slab, t_min, t_max);
+            children = &node.children;
+            std::mem::swap(&mut due, &mut waits);
+        }
+        if due != NONE {
+            leaf(due, query, stack, counts);
+            if query.done() {
+                stack.truncate(floor);
+                return;
             }
+        }
+        let (mut mask, near) = entered;
+        if mask != 0 {
+            // The nearest child is next; the others wait, sorted so that nearer ones come off
+            // the stack first.
+            let mut slot = mask.trailing_zeros() as usize;
+            mask &= mask - 1;
+            let (mut next, mut next_near) = (children[slot], near[slot]);
+            let base = stack.len();
+            while mask != 0 {
+                slot = mask.trailing_zeros() as usize;
+                mask &= mask - 1;
+                let mut entry = (children[slot], near[slot]);
+                if entry.0 & Tree::<B>::LEAF != 0 {
+                    soon(entry.0 & !Tree::<B>::LEAF);
+                } else {
+                    simd.expect(&tree.nodes, entry.0 as usize);
+                }
+                if entry.1 < next_near {
+                    std::mem::swap(&mut entry.0, &mut next);
+                    std::mem::swap(&mut entry.1, &mut next_near);
+                }
+                stack.push(entry);
+                let mut i = stack.len() - 1;
+                while i > base && stack[i - 1].1 < stack[i].1 {
+                    stack.swap(i - 1, i);
+                    i -= 1;
+                }
+            }
+            at = next;
+            continue;
         }
         // Next subtree that does not start behind the best hit.
         loop {
             if stack.len() <= floor {
-                return;
+                if waits == NONE {
+                    return;
+                }
+                at = Tree::<B>::LEAF | waits;
+                waits = NONE;
+                break;
             }
             match stack.pop() {
                 Some((next, near)) if near <= query.best.t => {
@@ -243,7 +269,10 @@ impl<'a, S: Simd, B: Bounds8, const CULL: bool> Target<'a, S, B, CULL> {
             stack,
             counts,
             #[inline(always)]
-            |item| self.expect(item, cells.key as u32),
+            |item| {
+                self.expect(item, cells.key as u32);
+                loose_group(item).is_some()
+            },
             #[inline(always)]
             |item, query, _, counts| self.item(item, ray, cells, query, counts),
         );
@@ -255,7 +284,7 @@ impl<'a, S: Simd, B: Bounds8, const CULL: bool> Target<'a, S, B, CULL> {
         match loose_group(item) {
             None => self.simd.expect(&self.blocks.blocks, item as usize),
             Some((grid, slot)) => {
-                let rect = loose(&self.mesh.grids[grid as usize], slot);
+                let rect = loose(&self.mesh.traced(grid), slot);
                 expect_group::<S, B>(self.simd, self.mesh, grid, rect, key);
             }
         }
@@ -272,7 +301,7 @@ impl<'a, S: Simd, B: Bounds8, const CULL: bool> Target<'a, S, B, CULL> {
         counts: &mut TraceCounts,
     ) {
         if let Some((grid, slot)) = loose_group(item) {
-            let rect = loose(&self.mesh.grids[grid as usize], slot);
+            let rect = loose(&self.mesh.traced(grid), slot);
             self.group(grid, rect, cells, query, counts);
             return;
         }
@@ -366,7 +395,7 @@ impl<'a, S: Simd, B: Bounds8, const CULL: bool> Target<'a, S, B, CULL> {
 /// Says that the vertices of a small group will be asked for soon, at `key`.
 #[inline(always)]
 fn expect_group<S: Simd, B: Bounds8>(simd: S, mesh: &PlanarMesh, g: u32, rect: CellRect, key: u32) {
-    let grid = &mesh.grids[g as usize];
+    let grid = &mesh.traced(g);
     let lattice = mesh.lattice(grid, key as usize, rect.i, rect.j);
     if B::KEYS {
         lattice.expect::<S, 2>(simd);

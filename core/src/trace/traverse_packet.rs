@@ -238,6 +238,8 @@ pub(super) fn walk_packet<S: Simd, B: Bounds8>(
         if at & Tree::<B>::LEAF != 0 {
             leaf(at & !Tree::<B>::LEAF, rays, queries, room);
         } else {
+            // All of it at once: which children there are is asked when their bounds were tested.
+            simd.expect(&tree.nodes, at as usize);
             let node = &tree.nodes[at as usize];
             queries.count_node(simd, rays);
             let slabs = if node.frame == 0 {
@@ -490,7 +492,7 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
         queries: &mut Queries,
     ) {
         if let Some((grid, slot)) = loose_group(item) {
-            let rect = loose(&self.mesh.grids[grid as usize], slot);
+            let rect = loose(&self.mesh.traced(grid), slot);
             self.group_packet(grid, rect, rays, cells, pairs, queries);
             self.settle(cells, pairs, queries);
         } else {

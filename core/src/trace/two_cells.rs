@@ -55,7 +55,7 @@ fn strip<S: Simd, const MOVING: bool, const DOWN: bool>(
     rect: CellRect,
     mut accept: impl FnMut(usize, u32, CellHit),
 ) {
-    let grid = &mesh.grids[g as usize];
+    let grid = &mesh.traced(g);
     let key = cells.key[one & (PACKET - 1)] as usize;
     let axes = axes_with(cells.z_axis[one & (PACKET - 1)]);
     let lattice = mesh.lattice(grid, key, rect.i, rect.j);
