@@ -59,7 +59,7 @@ peers() {
     compare $out/peers-combed.md --size 1 --rounds 2 --scene combed
     compare $out/peers-16m.md --size 16 --rounds 2 --order block --scene sheet --scene patches
     # Embree's rates are so low here that fewer rays are enough.
-    compare $out/peers-16m-fur.md --size 16 --image 480 272 --samples 4 --rounds 1 --order block --scene fur
+    compare $out/peers-16m-fur.md --size 16 --image 480 272 --samples 4 --rounds 2 --order block --scene fur
 }
 
 # The table of oriented frames, the last without Embree, of all scenes.
