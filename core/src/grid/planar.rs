@@ -290,8 +290,8 @@ impl PlanarMesh {
         (mesh, visited)
     }
 
-    /// Rates and first vertex of grid `g`. Of millions of strands that rays come to at random, looking them up takes as long
-    /// as fetching vertices, and comes before it.
+    /// Rates and first vertex of grid `g`; its face may be another's. Of millions of strands that rays come to at random, looking
+    /// them up is one more wait for memory, before vertices can be asked for.
     #[inline(always)]
     pub(crate) fn traced(&self, g: u32) -> Grid {
         match self.alike {

@@ -10,21 +10,16 @@ use hdtrapeze_simd::{Float, Simd};
 use super::cell::{CellHit, candidates, exact, lane_mask};
 use super::cell_rays::CellRays;
 use super::packet::{LANES, Lanes, PACKET, axes_with};
+use crate::bvh::Bounds8;
 use crate::bvh::block::CellRect;
 use crate::grid::PlanarMesh;
 
 /// Says that the vertices of a group, the cells `rect` of grid `g`, will be asked for soon, at `key`.
 #[inline(always)]
-pub fn expect<S: Simd, const MOVING: bool>(
-    simd: S,
-    mesh: &PlanarMesh,
-    g: u32,
-    rect: CellRect,
-    key: u32,
-) {
+pub fn expect<S: Simd, B: Bounds8>(simd: S, mesh: &PlanarMesh, g: u32, rect: CellRect, key: u32) {
     let grid = &mesh.traced(g);
     let lattice = mesh.lattice(grid, key as usize, rect.i, rect.j);
-    if MOVING {
+    if B::KEYS {
         lattice.expect::<S, 2>(simd);
     } else {
         lattice.expect::<S, 1>(simd);

@@ -10,6 +10,7 @@ use hdtrapeze_simd::Simd;
 
 use super::cell::CellRay;
 use super::object_ray::ObjectRay;
+use super::pairs::expect;
 use super::sides::Side;
 use super::{Hit, TraceCounts};
 use crate::bvh::block::{CellRect, loose};
@@ -82,7 +83,7 @@ impl Hit {
 
 /// Walks a tree below `root`; `leaf(item, query, stack, counts)` is called for items that the ray may hit, and may
 /// use the stack above what it finds there. `soon(item)` asks for an item from memory. If it says so, the item
-/// is tested only after one more node, and comes meanwhile: that node is opened in vain where the item is hit.
+/// is tested only after one more node or item, and comes meanwhile: that is opened in vain where the item is hit.
 #[inline(always)]
 #[allow(clippy::too_many_arguments)] // one call, inlined
 pub(super) fn walk<S: Simd, B: Bounds8>(
@@ -111,6 +112,7 @@ pub(super) fn walk<S: Simd, B: Bounds8>(
         let mut due = NONE;
         if at & Tree::<B>::LEAF != 0 {
             due = at & !Tree::<B>::LEAF;
+            // Nothing is left to do meanwhile.
             let is_last = waits == NONE && stack.len() <= floor;
             if !is_last && soon(due) {
                 std::mem::swap(&mut due, &mut waits);
@@ -285,7 +287,7 @@ impl<'a, S: Simd, B: Bounds8, const CULL: bool> Target<'a, S, B, CULL> {
             None => self.simd.expect(&self.blocks.blocks, item as usize),
             Some((grid, slot)) => {
                 let rect = loose(&self.mesh.traced(grid), slot);
-                expect_group::<S, B>(self.simd, self.mesh, grid, rect, key);
+                expect::<S, B>(self.simd, self.mesh, grid, rect, key);
             }
         }
     }
@@ -389,18 +391,6 @@ impl<'a, S: Simd, B: Bounds8, const CULL: bool> Target<'a, S, B, CULL> {
                 |cell, hit| offer(hit.of(instance, grid, cell)),
             );
         }
-    }
-}
-
-/// Says that the vertices of a small group will be asked for soon, at `key`.
-#[inline(always)]
-fn expect_group<S: Simd, B: Bounds8>(simd: S, mesh: &PlanarMesh, g: u32, rect: CellRect, key: u32) {
-    let grid = &mesh.traced(g);
-    let lattice = mesh.lattice(grid, key as usize, rect.i, rect.j);
-    if B::KEYS {
-        lattice.expect::<S, 2>(simd);
-    } else {
-        lattice.expect::<S, 1>(simd);
     }
 }
 

@@ -559,11 +559,7 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
             later &= later - 1;
             let rect = block.span.group_rect(slot);
             let key = cells.key[rays.trailing_zeros() as usize & (PACKET - 1)];
-            if B::KEYS {
-                expect::<S, true>(self.simd, self.mesh, block.span.grid, rect, key);
-            } else {
-                expect::<S, false>(self.simd, self.mesh, block.span.grid, rect, key);
-            }
+            expect::<S, B>(self.simd, self.mesh, block.span.grid, rect, key);
         }
         let mut children = found.children;
         while children != 0 {
