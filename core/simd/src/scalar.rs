@@ -134,6 +134,7 @@ fn apart<P: Part<Scalar>>(part: P) -> P::Output {
 }
 
 impl Simd for Scalar {
+    const WIDE: bool = false;
     fn apart<P: Part<Self>>(self, part: P) -> P::Output {
         apart(part)
     }

@@ -1,20 +1,17 @@
-//! Groups of two micropolygons, the parts of strands: eight rays at once against their four triangles.
+//! Groups of two micropolygons, the parts of strands: 8 or 16 rays at once against their four triangles.
 //!
 //! A group of 4 x 2 fills a vector with one ray. Of a part of a strand a quarter of that would be used, while a packet
-//! brings many rays to each; so a vector has eight rays here. The operations are those of [`super::cell`] in the
+//! brings many rays to each; so a vector has one number of 8 rays here, or of 16 where there are as many and one register holds them. The operations are those of [`super::cell`] in the
 //! same order, so hits are the same.
 
 use hdtrapeze_simd::{Float, Mask, Simd};
 
 use super::cell::{CellHit, exact};
-use super::cell_rays::CellRays;
+use super::cell_rays::{CellLanes, CellRays};
 use super::packet::{PACKET, axes_with};
 use crate::bvh::block::CellRect;
 use crate::grid::PlanarMesh;
 use crate::grid::planar::STRIP;
-
-/// Rays of a vector.
-const RAYS: usize = 8;
 
 /// Corners of the first micropolygon, in their order around it.
 const FIRST: [usize; 4] = [0, 1, 2, 3];
@@ -57,43 +54,138 @@ fn strip<S: Simd, const MOVING: bool, const DOWN: bool>(
 ) {
     let grid = &mesh.traced(g);
     let key = cells.key[one & (PACKET - 1)] as usize;
-    let axes = axes_with(cells.z_axis[one & (PACKET - 1)]);
     let lattice = mesh.lattice(grid, key, rect.i, rect.j);
     let (mut places, mut next) = ([0.0; STRIP], [0.0; STRIP]);
     let columns = if DOWN { 2 } else { 3 };
     let p = lattice.strip(0, columns, &mut places);
-    let to = match MOVING {
-        true => lattice.strip(1, columns, &mut next),
-        false => p,
+    let mut step = [0.0; STRIP];
+    if MOVING {
+        let to = lattice.strip(1, columns, &mut next);
+        for (step, (to, p)) in step.iter_mut().zip(to.iter().zip(p)) {
+            *step = to - p;
+        }
+    }
+    let part = Strip {
+        cells,
+        axes: axes_with(cells.z_axis[one & (PACKET - 1)]),
+        p,
+        step: &step,
+        two: rect.w * rect.h == 2,
+        first: u32::from(rect.j) * u32::from(grid.nu) + u32::from(rect.i),
+        next: if DOWN { u32::from(grid.nu) } else { 1 },
     };
-    // Row and column of each corner; the second cell has two of the first.
-    let corners: [[usize; 2]; 6] = match DOWN {
-        true => [[0, 0], [0, 1], [1, 1], [1, 0], [2, 1], [2, 0]],
-        false => [[0, 0], [0, 1], [1, 1], [1, 0], [1, 2], [0, 2]],
-    };
-    let second: [usize; 4] = if DOWN { [3, 2, 4, 5] } else { [1, 5, 4, 2] };
-    let two = rect.w * rect.h == 2;
-    let zero = simd.all8(0.0);
+    // As measured: of still strands the more rays are at hand, the seldomer all of them miss.
+    let few = if MOVING { 8 } else { 12 };
     let mut rest = rays;
     while rest != 0 {
-        // Any rays where there are fewer, whose lanes do not count.
-        let count = (1u32 << rest.count_ones().min(RAYS as u32)) - 1;
-        let (mut numbers, mut eight) = ([0; RAYS], [zero; RAYS]);
-        for (ray, own) in numbers.iter_mut().zip(&mut eight) {
-            *ray = rest.trailing_zeros() as usize & (PACKET - 1);
-            rest &= rest.wrapping_sub(1);
-            *own = simd.from8(&cells.rays[*ray]);
+        rest = if S::WIDE && rest.count_ones() > few {
+            part.some::<S, Sixteen, 16, MOVING, DOWN>(simd, rest, &mut accept)
+        } else {
+            part.some::<S, Eight, 8, MOVING, DOWN>(simd, rest, &mut accept)
+        };
+    }
+}
+
+/// A width of vectors: `N` rays.
+trait Width<S: Simd, const N: usize> {
+    /// One number of each ray.
+    type Vector: Float<N>;
+    /// The same number for all.
+    fn all(simd: S, x: f32) -> Self::Vector;
+    /// Vector `i` has number `i` of each ray.
+    fn columns(simd: S, rays: [&CellLanes; N]) -> [Self::Vector; 8];
+}
+
+/// 8 rays.
+struct Eight;
+/// 16 rays.
+struct Sixteen;
+
+impl<S: Simd> Width<S, 8> for Eight {
+    type Vector = S::F8;
+    #[inline(always)]
+    fn all(simd: S, x: f32) -> S::F8 {
+        simd.all8(x)
+    }
+    #[inline(always)]
+    fn columns(simd: S, rays: [&CellLanes; 8]) -> [S::F8; 8] {
+        let mut eight = [simd.all8(0.0); 8];
+        for (own, ray) in eight.iter_mut().zip(rays) {
+            *own = simd.from8(ray);
         }
-        let [ox, oy, oz, fraction, slope_x, slope_y, ..] = simd.transposed(eight);
+        simd.transposed(eight)
+    }
+}
+
+impl<S: Simd> Width<S, 16> for Sixteen {
+    type Vector = S::F16;
+    #[inline(always)]
+    fn all(simd: S, x: f32) -> S::F16 {
+        simd.all16(x)
+    }
+    #[inline(always)]
+    fn columns(simd: S, rays: [&CellLanes; 16]) -> [S::F16; 8] {
+        simd.columns(rays)
+    }
+}
+
+/// A part of a strand, and rays which agree on axes.
+struct Strip<'a> {
+    cells: &'a CellRays,
+    axes: [usize; 3],
+    /// Vertices where rays' segment of keys begins.
+    p: &'a [f32; STRIP],
+    /// How far they go until it ends.
+    step: &'a [f32; STRIP],
+    /// There is a second micropolygon.
+    two: bool,
+    /// The number of the first one, and what is added for the second.
+    first: u32,
+    next: u32,
+}
+
+impl Strip<'_> {
+    /// Tests the first `N` of `rest`; which are left.
+    #[inline(always)]
+    fn some<S: Simd, W: Width<S, N>, const N: usize, const MOVING: bool, const DOWN: bool>(
+        &self,
+        simd: S,
+        mut rest: u64,
+        accept: &mut impl FnMut(usize, u32, CellHit),
+    ) -> u64 {
+        let Self {
+            cells,
+            axes,
+            p,
+            step,
+            ..
+        } = *self;
+        let columns = if DOWN { 2 } else { 3 };
+        // Row and column of each corner; the second cell has two of the first.
+        let corners: [[usize; 2]; 6] = match DOWN {
+            true => [[0, 0], [0, 1], [1, 1], [1, 0], [2, 1], [2, 0]],
+            false => [[0, 0], [0, 1], [1, 1], [1, 0], [1, 2], [0, 2]],
+        };
+        let second: [usize; 4] = if DOWN { [3, 2, 4, 5] } else { [1, 5, 4, 2] };
+        // Any rays where there are fewer, whose lanes do not count.
+        let count = (1u32 << rest.count_ones().min(N as u32)) - 1;
+        let (mut numbers, mut own) = ([0; N], [&cells.rays[0]; N]);
+        for (number, own) in numbers.iter_mut().zip(&mut own) {
+            *number = rest.trailing_zeros() as usize & (PACKET - 1);
+            rest &= rest.wrapping_sub(1);
+            *own = &cells.rays[*number];
+        }
+        let [ox, oy, oz, fraction, slope_x, slope_y, ..] = W::columns(simd, own);
+        let zero = W::all(simd, 0.0);
         let (mut x, mut y, mut z) = ([zero; 6], [zero; 6], [zero; 6]);
         for k in 0..6 {
             let [row, column] = corners[k];
             let mut corner = [ox, oy, oz];
             for a in 0..3 {
                 let x = (3 * row + axes[a].min(2)) * columns + column;
-                let mut at = simd.all8(p[x]);
+                let mut at = W::all(simd, p[x]);
                 if MOVING {
-                    at = at + (simd.all8(to[x]) - at) * fraction;
+                    at = at + W::all(simd, step[x]) * fraction;
                 }
                 corner[a] = at + corner[a];
             }
@@ -101,13 +193,13 @@ fn strip<S: Simd, const MOVING: bool, const DOWN: bool>(
             x[k] = corner[0] - z[k] * slope_x;
             y[k] = corner[1] - z[k] * slope_y;
         }
-        let [missed_a, missed_b] = missed(simd, &x, &y, FIRST);
-        let [missed_c, missed_d] = missed(simd, &x, &y, second);
+        let [missed_a, missed_b] = missed(zero, &x, &y, FIRST);
+        let [missed_c, missed_d] = missed(zero, &x, &y, second);
         let all = missed_a & missed_b & missed_c & missed_d;
         if !all.bits() & count == 0 {
-            continue;
+            return rest;
         }
-        let (mut sx, mut sy, mut sz) = ([[0.0; RAYS]; 6], [[0.0; RAYS]; 6], [[0.0; RAYS]; 6]);
+        let (mut sx, mut sy, mut sz) = ([[0.0; N]; 6], [[0.0; N]; 6], [[0.0; N]; 6]);
         for k in 0..6 {
             (sx[k], sy[k], sz[k]) = (x[k].to_array(), y[k].to_array(), z[k].to_array());
         }
@@ -119,12 +211,12 @@ fn strip<S: Simd, const MOVING: bool, const DOWN: bool>(
         ];
         for (i, (missed, corners)) in triangles.into_iter().enumerate() {
             let in_second = i >= 2;
-            if in_second && !two {
+            if in_second && !self.two {
                 break;
             }
             let mut found = !missed & count;
             while found != 0 {
-                let lane = found.trailing_zeros() as usize & (RAYS - 1);
+                let lane = found.trailing_zeros() as usize & (N - 1);
                 found &= found - 1;
                 let corners = corners.map(
                     #[inline(always)]
@@ -133,12 +225,11 @@ fn strip<S: Simd, const MOVING: bool, const DOWN: bool>(
                 let ray = numbers[lane];
                 let [.., dir_z, _] = cells.rays[ray];
                 if let Some(hit) = exact(corners, i % 2 == 1, f64::from(dir_z)) {
-                    let first = u32::from(rect.j) * u32::from(grid.nu) + u32::from(rect.i);
-                    let next = if DOWN { u32::from(grid.nu) } else { 1 };
-                    accept(ray, first + if in_second { next } else { 0 }, hit);
+                    accept(ray, self.first + if in_second { self.next } else { 0 }, hit);
                 }
             }
         }
+        rest
     }
 }
 
@@ -146,21 +237,20 @@ fn strip<S: Simd, const MOVING: bool, const DOWN: bool>(
 /// rounded edge functions differ in sign, as [`super::cell::maybe_hit`] has them. The edge between both has the same number for
 /// both, but for its sign.
 #[inline(always)]
-fn missed<S: Simd>(
-    simd: S,
-    x: &[S::F8; 6],
-    y: &[S::F8; 6],
+fn missed<F: Float<N>, const N: usize>(
+    zero: F,
+    x: &[F; 6],
+    y: &[F; 6],
     [a, b, c, d]: [usize; 4],
-) -> [<S::F8 as Float<8>>::Mask; 2] {
+) -> [F::Mask; 2] {
     let (ab, bc) = (x[a] * y[b] - y[a] * x[b], x[b] * y[c] - y[b] * x[c]);
     let (cd, da) = (x[c] * y[d] - y[c] * x[d], x[d] * y[a] - y[d] * x[a]);
     let ac = x[a] * y[c] - y[a] * x[c];
-    [differ(simd, [ab, bc, -ac]), differ(simd, [ac, cd, da])]
+    [differ(zero, [ab, bc, -ac]), differ(zero, [ac, cd, da])]
 }
 
 /// True where some numbers are below 0 and others above.
 #[inline(always)]
-fn differ<S: Simd>(simd: S, [p, q, r]: [S::F8; 3]) -> <S::F8 as Float<8>>::Mask {
-    let zero = simd.all8(0.0);
+fn differ<F: Float<N>, const N: usize>(zero: F, [p, q, r]: [F; 3]) -> F::Mask {
     p.min(q).min(r).lt(zero) & zero.lt(p.max(q).max(r))
 }

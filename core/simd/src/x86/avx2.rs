@@ -171,6 +171,7 @@ macro_rules! fours256 {
 }
 
 impl Simd for Avx2 {
+    const WIDE: bool = false;
     #[inline(always)]
     fn apart<P: Part<Self>>(self, part: P) -> P::Output {
         x86!(avx2_apart(part))

@@ -197,6 +197,7 @@ unsafe fn lattice_at(floats: &[f32], first: usize, stride: usize) -> F512 {
 }
 
 impl Simd for Avx512 {
+    const WIDE: bool = true;
     #[inline(always)]
     fn apart<P: Part<Self>>(self, part: P) -> P::Output {
         x86!(avx512_apart(part))
