@@ -3,8 +3,10 @@
     scripts/plot_scale.py [--sizes M ...] [--scene NAME] [--out DIR] [--peers FLAGS]
                           [--binary FILE]
 
-Each size is a process of its own, so that peaks of memory are its own. Without `--sizes`, millions
-of micropolygons go from 1 fourfold to 16, and last to 48.9, the largest. Embree is left out.
+Each size is a process of its own, so that peaks of memory are its own, and is traced once more in
+an image of so many more pixels: micropolygons that follow the pixels get smaller with them.
+Without `--sizes`, millions of micropolygons go from 1 fourfold to 16, and last to 48.9, the
+largest. Embree is left out.
 DIR (docs/figures) gets scale.md, a table with the slopes, and, where matplotlib is installed
 (scripts/requirements-figures.txt), scale.png, both axes logarithmic.
 """
@@ -24,6 +26,11 @@ ROOT = Path(__file__).resolve().parent.parent
 # Millions; the last is 437 x 437 grids of 16 x 16.
 SIZES = [1.0, 4.0, 16.0, (437 / 62.5) ** 2]
 GIB = 1 << 30
+# Pixels of the smallest size where the image grows along, rays a pixel, and how many words the
+# flags have that say so.
+GROWING = (640, 360)
+GROWING_SAMPLES = 4
+GROWING_FLAGS = {"--image": 3, "--samples": 2, "--order": 2}
 
 
 def measure(bench: list[str], millions: float, scene: str, flags: list[str]) -> list[dict]:
@@ -39,6 +46,16 @@ def measure(bench: list[str], millions: float, scene: str, flags: list[str]) -> 
         return json.loads(file.read_text())
 
 
+def growing(flags: list[str], times: float) -> list[str]:
+    """Flags for an image of so many times the pixels; its sides are multiples of 4."""
+    for flag, words in GROWING_FLAGS.items():
+        if flag in flags:
+            at = flags.index(flag)
+            flags = flags[:at] + flags[at + words :]
+    sides = (str(round(side * math.sqrt(times) / 4) * 4) for side in GROWING)
+    return [*flags, "--image", *sides, "--samples", str(GROWING_SAMPLES), "--order", "block"]
+
+
 def slope(rows: list[dict], value: str) -> float:
     """Exponent of growth from the smallest size to the largest."""
     first, last = rows[0], rows[-1]
@@ -51,21 +68,25 @@ def derive(row: dict) -> None:
     row["build_seconds"] = row["micropolygons"] / row["build_mquads"] * 1e-6
     row["ray_microseconds"] = 1 / row["mrays"]
     row["single_microseconds"] = 1 / row["mrays_single"]
+    row["growing_microseconds"] = 1 / row["mrays_growing"]
 
 
 def table(rows: list[dict], command: str) -> str:
     """The table, in Markdown."""
     by_motion = [[r for r in rows if r["moving"] == moving] for moving in (False, True)]
-    header = "scene, M quads, build s, Mquads/s, Mrays/s, one by one, nodes/ray, tested/ray, B/quad"
-    header = [*header.split(", "), "GiB building", "GiB peak"]
+    header = "scene, M quads, build s, Mquads/s, Mrays/s, one by one, growing image"
+    header = [*header.split(", "), "nodes/ray", "tested/ray", "B/quad", "GiB building", "GiB peak"]
+    width, height = GROWING
     lines = [
         "### Cost against size",
         "",
         f"`{command}`, {processor()}, {rows[0]['threads']} threads, {datetime.date.today()}.",
         "Rates are the best of the rounds; camera rays with lens and time, in packets, and then a",
         "part of them one by one: rays of a packet share what they fetch, the less the smaller",
-        "micropolygons are in an image that stays as large. Peaks are of the whole process, with",
-        "the mesh that is built from and the rays.",
+        "micropolygons are in an image that stays as large. So packets are timed again in an image",
+        f"that grows along, from {width}x{height} pixels of {GROWING_SAMPLES} rays on, by",
+        "block: all sizes have as many micropolygons a pixel there. Peaks are of the whole",
+        "process, in the image that stays, with the mesh that is built from and the rays.",
         "",
         f"| {' | '.join(header)} |",
         f"|{'---|' * len(header)}",
@@ -73,6 +94,7 @@ def table(rows: list[dict], command: str) -> str:
     for row in (row for part in by_motion for row in part):
         cells = [row["scene"], f"{row['micropolygons'] * 1e-6:.1f}", f"{row['build_seconds']:.3f}"]
         cells += [f"{row['build_mquads']:.1f}", f"{row['mrays']:.2f}", f"{row['mrays_single']:.2f}"]
+        cells += [f"{row['mrays_growing']:.2f}"]
         cells += [f"{row['nodes']:.1f}", f"{row['tested']:.1f}", f"{row['bytes']:.2f}"]
         cells += [f"{row[peak] / GIB:.2f}" for peak in ("peak_building", "peak")]
         lines.append(f"| {' | '.join(cells)} |")
@@ -81,14 +103,15 @@ def table(rows: list[dict], command: str) -> str:
     for part in (part for part in by_motion if len(part) > 1):
         build, ray = slope(part, "build_seconds"), slope(part, "ray_microseconds")
         single = slope(part, "single_microseconds")
+        grows = slope(part, "growing_microseconds")
         last = part[-1]["micropolygons"]
         logarithm = math.log(math.log(last) / math.log(part[0]["micropolygons"]))
         logarithm /= math.log(last / part[0]["micropolygons"])
         lines += [
             f"{part[0]['scene'].capitalize()}, from the smallest to the largest: the time of a",
             f"build grows as size to the power of {build:.2f} (1 is linear), that of a ray to the",
-            f"power of {ray:.2f} in packets and of {single:.2f} by itself (0 is constant,",
-            f"{logarithm:.2f} the logarithm).",
+            f"power of {ray:.2f} in packets, of {grows:.2f} in packets of an image that grows",
+            f"along, and of {single:.2f} by itself (0 is constant, {logarithm:.2f} the logarithm).",
             "",
         ]
     return "\n".join(lines)
@@ -106,10 +129,11 @@ def plot(rows: list[dict], file: Path) -> bool:
     shown = [
         ("build_seconds", "build, seconds"),
         ("ray_microseconds", "a ray in a packet, microseconds"),
+        ("growing_microseconds", "the same in a growing image"),
         ("single_microseconds", "a ray by itself, microseconds"),
         ("peak_building", "peak memory while building, GiB"),
     ]
-    figure, axes = plt.subplots(1, len(shown), figsize=(16, 4), layout="constrained")
+    figure, axes = plt.subplots(1, len(shown), figsize=(20, 4), layout="constrained")
     for axis, (value, title) in zip(axes, shown, strict=True):
         for moving, color in ((False, "tab:blue"), (True, "tab:orange")):
             part = [r for r in rows if r["moving"] == moving]
@@ -143,8 +167,13 @@ def main() -> None:
     build = ["cargo", "run", "--release", "--locked", "-q", "-p", "hdtrapeze-peers", "--"]
     bench = [options.binary] if options.binary else build
     rows: list[dict] = []
-    for millions in sorted(options.sizes):
-        rows += measure(bench, millions, options.scene, options.peers.split())
+    sizes, flags = sorted(options.sizes), options.peers.split()
+    for millions in sizes:
+        found = measure(bench, millions, options.scene, flags)
+        other = growing(flags, millions / sizes[0])
+        for row, again in zip(found, measure(bench, millions, options.scene, other), strict=True):
+            row["mrays_growing"] = again["mrays"]
+        rows += found
     for row in rows:
         derive(row)
     options.out.mkdir(parents=True, exist_ok=True)
