@@ -76,7 +76,7 @@ frames() {
 
 largest() { compare $out/largest.md --largest --samples 4 --rounds 2; }
 
-scale() { .venv/bin/python scripts/plot_scale.py; }
+scale() { .venv/bin/python scripts/plot_scale.py --peers '--rounds 5'; }
 
 effects() { .venv/bin/python scripts/absent_effects.py --markdown $out/absent_effects.md; }
 

@@ -25,7 +25,11 @@ from processor import processor
 ROOT = Path(__file__).resolve().parent.parent
 # Millions; the last is 437 x 437 grids of 16 x 16.
 SIZES = [1.0, 4.0, 16.0, (437 / 62.5) ** 2]
+# More than these the bench does not take.
+MOST = 100.0
 GIB = 1 << 30
+# What each run gets by itself.
+OWN_FLAGS = ("--alone", "--scene", "--size", "--json", "--largest", "--quick")
 # Pixels of the smallest size where the image grows along, rays a pixel, and how many words the
 # flags have that say so.
 GROWING = (640, 360)
@@ -48,6 +52,7 @@ def measure(bench: list[str], millions: float, scene: str, flags: list[str]) -> 
 
 def growing(flags: list[str], times: float) -> list[str]:
     """Flags for an image of so many times the pixels; its sides are multiples of 4."""
+    flags = [word for flag in flags for word in flag.split("=", 1)]
     for flag, words in GROWING_FLAGS.items():
         if flag in flags:
             at = flags.index(flag)
@@ -56,11 +61,19 @@ def growing(flags: list[str], times: float) -> list[str]:
     return [*flags, "--image", *sides, "--samples", str(GROWING_SAMPLES), "--order", "block"]
 
 
+def size(text: str) -> float:
+    """A size that the bench takes, or an error that says which those are."""
+    millions = float(text)
+    if not 0 < millions <= MOST:
+        raise argparse.ArgumentTypeError(f"{text} is not above 0 and at most {MOST:g}")
+    return millions
+
+
 def slope(rows: list[dict], value: str) -> float:
     """Exponent of growth from the smallest size to the largest."""
     first, last = rows[0], rows[-1]
     grown = math.log(last["micropolygons"] / first["micropolygons"])
-    return math.log(last[value] / first[value]) / grown if grown else math.nan
+    return math.log(last[value] / first[value]) / grown
 
 
 def derive(row: dict) -> None:
@@ -100,13 +113,12 @@ def table(rows: list[dict], command: str) -> str:
         lines.append(f"| {' | '.join(cells)} |")
     lines += [""]
     # One size does not grow.
-    for part in (part for part in by_motion if len(part) > 1):
+    for part in (p for p in by_motion if p[-1]["micropolygons"] > p[0]["micropolygons"]):
         build, ray = slope(part, "build_seconds"), slope(part, "ray_microseconds")
         single = slope(part, "single_microseconds")
         grows = slope(part, "growing_microseconds")
-        last = part[-1]["micropolygons"]
-        logarithm = math.log(math.log(last) / math.log(part[0]["micropolygons"]))
-        logarithm /= math.log(last / part[0]["micropolygons"])
+        first, last = part[0]["micropolygons"], part[-1]["micropolygons"]
+        logarithm = math.log(math.log(last) / math.log(first)) / math.log(last / first)
         lines += [
             f"{part[0]['scene'].capitalize()}, from the smallest to the largest: the time of a",
             f"build grows as size to the power of {build:.2f} (1 is linear), that of a ray to the",
@@ -158,12 +170,17 @@ def plot(rows: list[dict], file: Path) -> bool:
 def main() -> None:
     """Measures, writes and prints."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--sizes", type=float, nargs="+", default=SIZES, help="millions")
+    parser.add_argument("--sizes", type=size, nargs="+", default=SIZES, help="millions")
     parser.add_argument("--scene", default="sheet", help="sheet, patches, fur or combed")
     parser.add_argument("--out", type=Path, default=ROOT / "docs/figures")
     parser.add_argument("--peers", default="", help="more flags for the bench, in one string")
     parser.add_argument("--binary", help="the bench, where it is built already")
     options = parser.parse_args()
+    own = [f for f in options.peers.split() if f.split("=")[0] in OWN_FLAGS]
+    if own:
+        parser.error(f"--peers cannot have {own[0]}: each size gets its own")
+    if options.binary and not Path(options.binary).is_file():
+        parser.error(f"--binary: there is no {options.binary}")
     build = ["cargo", "run", "--release", "--locked", "-q", "-p", "hdtrapeze-peers", "--"]
     bench = [options.binary] if options.binary else build
     rows: list[dict] = []

@@ -471,6 +471,43 @@ fn instruction_sets_and_packets_give_the_same_hits() {
     }
 }
 
+/// Where a packet does not fill vectors, what is in their other lanes must not count: here these hold the first ray, which sees the
+/// vertices of another segment of keys than the rest of its packet, or along other axes.
+#[test]
+fn the_first_ray_of_a_packet_is_not_asked_for_others() {
+    let worlds = [
+        world_of(fur(3000, &keys(3), 6)),
+        world_of(combed(3000, 0.01, &keys(3), 6)),
+    ];
+    let mut rng = Rng(78);
+    for world in &worlds {
+        let mut found = 0;
+        for packet in 0..600 {
+            let (eye, late) = (Vec3::new(rng.signed(), rng.signed(), 3.0), packet % 2 == 0);
+            let target = Vec3::new(rng.signed(), rng.signed(), 0.1 * rng.unit()) * 0.8;
+            let mut rays = Vec::with_capacity(PACKET);
+            for lane in 0..PACKET {
+                let aside = Vec3::new((lane % 8) as f32, (lane / 8) as f32, 0.0) * 0.004;
+                let time = 0.45 * rng.unit() + if late { 0.55 } else { 0.0 };
+                rays.push(ray(eye, target + aside - eye, time));
+            }
+            let dir = rays[PACKET / 2].dir;
+            rays[0] = match packet / 2 % 2 {
+                0 => ray(eye, dir, if late { 0.2 } else { 0.8 }),
+                _ => ray(target - 3.0 * Vec3::X, Vec3::X + 0.01 * rng.cube(), 0.5),
+            };
+            let mut hits = vec![Hit::MISS; PACKET];
+            world.trace_many(&rays, &mut hits, &mut TraceCounts::default());
+            for (ray, hit) in rays.iter().zip(&hits) {
+                let alone = world.trace(ray, &mut TraceCounts::default());
+                assert_eq!(alone, *hit, "{ray:?}");
+            }
+            found += hits.iter().filter(|hit| hit.is_hit()).count();
+        }
+        assert!(found > 100 * PACKET, "{found}");
+    }
+}
+
 #[test]
 fn t_range_is_inclusive() {
     let world = world_of(mesh(&[(4, 4)], &[0.0], |_, u, v, _| Vec3::new(u, v, 0.0)));

@@ -58,7 +58,7 @@ pub trait Float<const N: usize>:
 
 /// An instruction set, known to be there.
 pub trait Simd: Copy + Debug {
-    /// True where 16 floats are one register: twice as many as 8 take no longer.
+    /// True where 16 floats are one register. Twice as many as 8 take no longer then, or as long as 8 twice.
     const WIDE: bool;
     /// Runs a part of a kernel that is compiled on its own, once for all who ask for it: for what is large and
     /// used in several places.

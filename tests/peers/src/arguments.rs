@@ -15,7 +15,7 @@ use crate::scenes::{Family, Shape};
 /// More than this nobody needs; whether there is memory for fewer is told by [`Options::fit`].
 const MOST_RAYS: usize = 1 << 28;
 
-/// Rays that each way of tracing is tried on, about, or a sixteenth of all where that is less. There are so many ways of
+/// Camera rays that each way of tracing is tried on, about, or a sixteenth of all where that is less. There are so many ways of
 /// Embree's that trials of more rays take longer than the rounds.
 const TRIAL_RAYS: usize = 1 << 18;
 

@@ -47,6 +47,9 @@ pub struct Options {
     pub frames: bool,
 }
 
+/// Rays that leave surfaces that each way of tracing is tried on, about.
+const TRIAL_LEAVING: usize = 1 << 17;
+
 impl Options {
     /// About how many bytes camera rays take at the most: each order has them with their hits, and a part of both for
     /// trials; besides there is one order more while they are made, or what one tracer is given, which is more for Embree.
@@ -288,7 +291,14 @@ pub fn run(
     drop((rays, hits));
     load("", Group::Bounce, leaving.clone(), leaving_hits.clone());
     load("", Group::Shadow, leaving, leaving_hits);
-    let parts: Vec<Load> = loads.iter().map(|l| l.part(options.screen)).collect();
+    let parts: Vec<Load> = loads
+        .iter()
+        .map(|load| match load.group {
+            Group::Camera => load.part(options.screen),
+            // There are fewer, and so few of them that caches hold what they meet would tell nothing of the rest.
+            _ => load.part((load.rays.len() / TRIAL_LEAVING).clamp(1, options.screen)),
+        })
+        .collect();
 
     // Ours, each way on a part, the best for each load. Processor time, so that the choice does not depend on what
     // else runs.
