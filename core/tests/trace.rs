@@ -65,8 +65,8 @@ fn uneven_keys_agree_with_the_oracle() {
     assert!(check(&world, &mut rng, Vec3::ZERO, 1.0, 2000) > 100);
 }
 
-/// A ray by itself passes most parts of strands by, whose boxes it meets, and so do packets of rays that go all ways; beside
-/// each other they are tested together instead.
+/// A ray by itself passes most parts of strands by, whose boxes it meets. So do packets of rays that go all ways, where a ray
+/// goes on while parts wait for it: it meets a little more. Rays beside each other are tested together instead.
 #[test]
 fn strands_beside_a_ray_are_not_tested() {
     for k in [1, 2, 3] {
@@ -101,7 +101,16 @@ fn strands_beside_a_ray_are_not_tested() {
             "{k} keys: {alone:?} alone, {many:?} together"
         );
         let (alone, many) = ask(&all_ways);
-        assert_eq!(alone, many, "{k} keys");
+        assert_eq!(alone.rays, many.rays);
+        for (alone, many) in [
+            (alone.node_tests, many.node_tests),
+            (alone.cell_tests, many.cell_tests),
+        ] {
+            assert!(
+                8 * many < 9 * alone,
+                "{k} keys: {alone} alone, {many} in turns"
+            );
+        }
     }
 }
 

@@ -86,12 +86,30 @@ pub trait Simd: Copy + Debug {
     fn columns(self, rows: [&[f32; 8]; 16]) -> [Self::F16; 8];
     /// The first of each pair, and the second.
     fn unzipped(self, pairs: [&[f32; 2]; 16]) -> [Self::F16; 2];
+    /// The first of each pair, and the second.
+    fn unzipped8(self, pairs: [&[f32; 2]; 8]) -> [Self::F8; 2];
     /// The lanes whose bits are set, of 8.
     fn mask8(self, bits: u32) -> <Self::F8 as Float<8>>::Mask;
     /// The highest bit of each word, from the lowest bit on.
     fn high_bits(self, x: &[u32; 8]) -> u32;
     /// 8 whole numbers from 0 to 255.
     fn bytes8(self, x: &[u8; 8]) -> Self::F8;
+    /// 8 lanes, then 8 more.
+    fn halves(self, first: Self::F8, last: Self::F8) -> Self::F16;
+    /// The first 8 lanes, and the last.
+    fn of_halves(self, x: Self::F16) -> [Self::F8; 2];
+    /// 16 whole numbers from 0 to 255, those of `order`: each is below 16.
+    fn bytes16(self, x: &[[u8; 8]; 2], order: &[u8; 16]) -> Self::F16;
+    /// Writes the lanes of `x` whose bits are set, and those of `words`, to the front, in their order. What is behind them then
+    /// is of no use.
+    fn kept(
+        self,
+        mask: u32,
+        x: Self::F8,
+        words: &[u32; 8],
+        to: &mut [f32; 8],
+        words_to: &mut [u32; 8],
+    );
     /// 16 copies.
     fn all16(self, x: f32) -> Self::F16;
     /// 16 lanes.

@@ -168,6 +168,10 @@ impl Simd for Scalar {
         [0, 1].map(|i: usize| Array(pairs.map(|pair| pair[i])))
     }
     #[inline]
+    fn unzipped8(self, pairs: [&[f32; 2]; 8]) -> [Array<8>; 2] {
+        [0, 1].map(|i: usize| Array(pairs.map(|pair| pair[i])))
+    }
+    #[inline]
     fn mask8(self, bits: u32) -> Words<8> {
         words(bits)
     }
@@ -178,6 +182,33 @@ impl Simd for Scalar {
     #[inline]
     fn bytes8(self, x: &[u8; 8]) -> Array<8> {
         Array(x.map(f32::from))
+    }
+    #[inline]
+    fn halves(self, first: Array<8>, last: Array<8>) -> Array<16> {
+        Array(std::array::from_fn(|i| [first, last][i / 8].0[i % 8]))
+    }
+    #[inline]
+    fn of_halves(self, x: Array<16>) -> [Array<8>; 2] {
+        [0, 8].map(|first| Array(std::array::from_fn(|i| x.0[first + i])))
+    }
+    #[inline]
+    fn bytes16(self, x: &[[u8; 8]; 2], order: &[u8; 16]) -> Array<16> {
+        let x = x.as_flattened();
+        Array(order.map(|i| f32::from(x[usize::from(i & 15)])))
+    }
+    #[inline]
+    fn kept(
+        self,
+        mask: u32,
+        x: Array<8>,
+        words: &[u32; 8],
+        to: &mut [f32; 8],
+        words_to: &mut [u32; 8],
+    ) {
+        let kept = (0..8).filter(|i| mask >> i & 1 == 1);
+        for (k, i) in kept.enumerate() {
+            (to[k], words_to[k]) = (x.0[i], words[i]);
+        }
     }
     #[inline]
     fn all16(self, x: f32) -> Array<16> {

@@ -78,6 +78,33 @@ impl Kernel for Everything {
         put(s.swapped(a16));
         s.zip(a16, b16).into_iter().for_each(&mut put);
         put(s.in_pairs(s.from8(&a8), s.from8(&b8)));
+        put(s.halves(s.from8(&a8), s.from8(&b8)));
+        let order = std::array::from_fn(|i| (i as u32 * 7 + self.seed) as u8 & 15);
+        put(s.bytes16(&[bytes, other], &order));
+        let pairs: [[f32; 2]; 8] = std::array::from_fn(|i| [rows[i][1], rows[i][7]]);
+        for half in s
+            .of_halves(a16)
+            .into_iter()
+            .chain(s.unzipped8(pairs.each_ref()))
+        {
+            out.extend(put8(half));
+        }
+        let mask = self.seed.wrapping_mul(0x9e37_79b1) >> 24;
+        let (mut kept, mut words) = ([0.0; 8], [0; 8]);
+        s.kept(
+            mask,
+            s.from8(&a8),
+            &b8.map(f32::to_bits),
+            &mut kept,
+            &mut words,
+        );
+        let count = mask.count_ones() as usize;
+        out.extend(
+            kept[..count]
+                .iter()
+                .map(|x| x.to_bits())
+                .chain(words[..count].iter().copied()),
+        );
         let less = a16.lt(s.swapped(a16));
         let (less, equal) = (less | s.swapped(a16).lt(a16), b16.le(-s.swapped(b16)));
         let bits = s.more_bits(s.no_bits(), less, 63);

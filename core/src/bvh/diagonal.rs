@@ -38,9 +38,9 @@
 use std::fmt::Debug;
 use std::marker::PhantomData;
 
-use hdtrapeze_simd::{Float, Kernel, Level, Simd};
+use hdtrapeze_simd::{Float, Kernel, Level, Mask, Simd};
 
-use super::node::Lattice8;
+use super::node::{Bounds8, Lattice8};
 
 /// Stored planes are no farther out, in steps: a whole one, and what numbers of planes are moved by before they are rounded.
 pub const STEP: f32 = 1.0 + 1.0 / (1 << 9) as f32;
@@ -207,7 +207,7 @@ impl Diagonals {
 /// given, or with `MOVING` what the start of the shutter has in them; then what its end adds, which is not looked at otherwise.
 /// `down` has the diagonals that begin at the far plane, at both ends.
 #[inline(always)]
-pub fn segment<const N: usize, F: Float<N>, const MOVING: bool>(
+fn segment<const N: usize, F: Float<N>, const MOVING: bool>(
     [near, far]: [F; 2],
     [near1, far1]: [F; 2],
     down: [F::Mask; 2],
@@ -221,10 +221,79 @@ pub fn segment<const N: usize, F: Float<N>, const MOVING: bool>(
     (a, b - a)
 }
 
+/// What a test against diagonals asks of a ray.
+#[derive(Clone, Copy, Debug)]
+pub struct Sight {
+    /// [`CHILDREN`] on axes along which the ray sees diagonals the other way, else none: where it goes down along one of x and
+    /// this axis.
+    pub turned: [u32; 3],
+    /// Magnitudes of what planes are multiplied by, at both ends of the shutter.
+    pub scale: [[f32; 3]; 2],
+    /// [`PADS`] of what padding has near and far planes apart by.
+    pub pads: [f32; 3],
+}
+
+/// Where a ray meets the near and the far planes of 8 children, by axis.
+pub type Planes8<F> = [[F; 2]; 3];
+
+/// Children of 8 whose diagonals a ray passes by. The second planes are what the start of the shutter has in the first; they are not
+/// looked at where nothing moves.
+#[inline(always)]
+pub fn passed_by<S: Simd, B: Bounds8>(
+    simd: S,
+    bounds: &B,
+    diagonals: &Diagonals,
+    sight: &Sight,
+    (planes, planes_at_start): (&Planes8<S::F8>, &Planes8<S::F8>),
+) -> u32 {
+    let (start, end) = (bounds.start(), bounds.end());
+    let zero = simd.all8(0.0);
+    let (mut a, mut e, mut reach) = ([zero; 3], [zero; 3], [zero; 3]);
+    for axis in 0..3 {
+        let [near, far] = planes[axis];
+        let [at_start, at_end] = &diagonals.down;
+        let turned = sight.turned[axis];
+        let down = [
+            simd.mask8(at_start[axis] ^ turned),
+            simd.mask8(at_end[axis] ^ turned),
+        ];
+        (a[axis], e[axis]) = if B::MOVING {
+            let first = planes_at_start[axis];
+            let rest = [near - first[0], far - first[1]];
+            segment::<8, S::F8, true>(first, rest, down)
+        } else if axis > 0 {
+            segment::<8, S::F8, false>([near, far], [near, far], down)
+        } else {
+            (near, far - near)
+        };
+        let radius = diagonals.radius;
+        let pads = simd.all8(sight.pads[axis]);
+        reach[axis] = more_reach(simd, (start.step[axis], radius), sight.scale[0][axis], pads);
+        if B::MOVING {
+            let from_start = reach[axis];
+            reach[axis] = more_reach(
+                simd,
+                (end.step[axis], radius),
+                sight.scale[1][axis],
+                from_start,
+            );
+        }
+    }
+    let limits = [simd.all8(TINY), simd.all8(f32::INFINITY)];
+    passes_by(a, e, reach, limits).bits()
+}
+
+/// What a step of a grid and a radius may have a ray and a diagonal apart by, besides `others`.
+#[inline(always)]
+fn more_reach<S: Simd>(simd: S, (step, radius): (f32, f32), scale: f32, others: S::F8) -> S::F8 {
+    let apart = simd.all8(step).mul_add(simd.all8(STEP), simd.all8(radius));
+    apart.mul_add(simd.all8(scale), others)
+}
+
 /// True where a ray passes a line by: `a` is a point of it, `e` its direction, both in distances along the ray, and `reach` what
 /// they may differ by, on each axis. `tiny` is [`TINY`].
 #[inline(always)]
-pub fn passes_by<const N: usize, F: Float<N>>(
+fn passes_by<const N: usize, F: Float<N>>(
     a: [F; 3],
     e: [F; 3],
     reach: [F; 3],
@@ -324,7 +393,7 @@ mod tests {
             let a = [1.0, 1.0, 1.0 + height].map(lanes);
             let limits = [TINY, f32::INFINITY].map(lanes);
             let (e, reach) = ([1.0, 2.0, 0.0].map(lanes), [reach; 3].map(lanes));
-            hdtrapeze_simd::Mask::bits(passes_by(a, e, reach, limits)) == 0xff
+            passes_by(a, e, reach, limits).bits() == 0xff
         };
         assert!(!passes(0.0, 0.0));
         assert!(passes(0.5, 0.1) && passes(-0.5, 0.1));

@@ -15,7 +15,7 @@
 use glam::DVec3;
 use hdtrapeze_simd::{Float, Kernel, Level, Mask, Part, Simd};
 
-use super::diagonal::{AtEnd, CHILDREN, Diagonals, PADS, STEP, TINY, passes_by, segment};
+use super::diagonal::{AtEnd, CHILDREN, Diagonals, PADS, Planes8, Sight, passed_by};
 use super::lanes::{Boxes8, Ranges8};
 use super::linear::round_up;
 use super::sorted::{Hull, LinearHull, StaticHull};
@@ -393,17 +393,43 @@ impl<S: Simd, B: Bounds8> Part<S> for PassedBy<'_, S::F8, B> {
     type Output = u32;
     #[inline(always)]
     fn run(self, simd: S) -> u32 {
-        self.slabs
-            .passed_by(simd, self.bounds, self.diagonals, self.ray)
+        let Self {
+            slabs,
+            bounds,
+            diagonals,
+            ray,
+        } = self;
+        let planes = (&slabs.planes, &slabs.start);
+        passed_by(simd, bounds, diagonals, &ray.sight(), planes)
+    }
+}
+
+impl SlabRay {
+    /// The ray as diagonals ask for it.
+    #[inline(always)]
+    fn sight(&self) -> Sight {
+        let mut sight = Sight {
+            turned: [0; 3],
+            scale: [self.to_start.map(f32::abs), self.to_end.map(f32::abs)],
+            pads: [0.0; 3],
+        };
+        for axis in 0..3 {
+            if self.near_side[axis] != self.near_side[0] {
+                sight.turned[axis] = CHILDREN;
+            }
+            let side = self.near_side[axis] & 1;
+            sight.pads[axis] = (self.base[side ^ 1][axis] - self.base[side][axis]) * PADS;
+        }
+        sight
     }
 }
 
 /// Where a ray meets the near and the far planes of 8 children, by axis.
 struct Slabs8<F> {
     /// The planes.
-    planes: [[F; 2]; 3],
+    planes: Planes8<F>,
     /// What the start of the shutter has in them: all, where nothing moves.
-    start: [[F; 2]; 3],
+    start: Planes8<F>,
 }
 
 impl<F: Float<8>> Slabs8<F> {
@@ -447,47 +473,5 @@ impl<F: Float<8>> Slabs8<F> {
             far = axis[1].min(far);
         }
         (near.le(far).bits(), near)
-    }
-
-    /// Children whose diagonals a ray passes by.
-    #[inline(always)]
-    fn passed_by<S: Simd<F8 = F>, B: Bounds8>(
-        &self,
-        simd: S,
-        bounds: &B,
-        diagonals: &Diagonals,
-        ray: &SlabRay,
-    ) -> u32 {
-        let (start, end) = (bounds.start(), bounds.end());
-        let zero = simd.all8(0.0);
-        let (mut a, mut e, mut reach) = ([zero; 3], [zero; 3], [zero; 3]);
-        for axis in 0..3 {
-            let [near, far] = self.planes[axis];
-            // A ray that goes down along one of x and this axis sees the diagonal the other way.
-            let turned = ray.near_side[axis] != ray.near_side[0];
-            let turned = if turned { CHILDREN } else { 0 };
-            let [at_start, at_end] = &diagonals.down;
-            let at_start = simd.mask8(at_start[axis] ^ turned);
-            let at_end = simd.mask8(at_end[axis] ^ turned);
-            (a[axis], e[axis]) = if B::MOVING {
-                let first = self.start[axis];
-                let rest = [near - first[0], far - first[1]];
-                segment::<8, F, true>(first, rest, [at_start, at_end])
-            } else if axis > 0 {
-                segment::<8, F, false>([near, far], [near, far], [at_start; 2])
-            } else {
-                (near, far - near)
-            };
-            let (to_start, to_end) = (ray.to_start[axis].abs(), ray.to_end[axis].abs());
-            let mut own = (start.step[axis] * STEP + diagonals.radius) * to_start;
-            if B::MOVING {
-                own += (end.step[axis] * STEP + diagonals.radius) * to_end;
-            }
-            let side = ray.near_side[axis] & 1;
-            let apart = ray.base[side ^ 1][axis] - ray.base[side][axis];
-            reach[axis] = simd.all8(own + apart * PADS);
-        }
-        let limits = [simd.all8(TINY), simd.all8(f32::INFINITY)];
-        passes_by(a, e, reach, limits).bits()
     }
 }

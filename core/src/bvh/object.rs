@@ -53,6 +53,8 @@ pub struct BlockTree<B: Bounds8> {
     pub blocks: Vec<Block<B>>,
     /// Most nodes have [diagonals](super::diagonal), and no frame of their own.
     pub diagonals: bool,
+    /// Most items are parts of strands.
+    pub strands: bool,
 }
 
 impl<B: Bounds8> BlockTree<B> {
@@ -66,6 +68,7 @@ impl<B: Bounds8> BlockTree<B> {
         frames: Vec::new(),
         blocks: Vec::new(),
         diagonals: false,
+        strands: false,
     };
 }
 
@@ -81,13 +84,14 @@ pub enum Blas {
 }
 
 impl Blas {
-    /// True where rays that have little in common are faster one by one than in packets.
+    /// True where most of what trees hold are parts of strands: rays that have little in common are faster in turns than in
+    /// packets.
     #[inline]
-    pub fn suits_single_rays(&self) -> bool {
+    pub fn is_of_strands(&self) -> bool {
         match self {
-            Blas::Static(tree) => tree.diagonals,
-            Blas::Moving(tree) => tree.diagonals,
-            Blas::Relative(relative) => relative.trees.diagonals(),
+            Blas::Static(blocks) => blocks.strands,
+            Blas::Moving(blocks) => blocks.strands,
+            Blas::Relative(relative) => relative.trees.are_of_strands(),
         }
     }
 }
@@ -421,6 +425,7 @@ pub(super) fn build_blocks<B: Bounds8>(mesh: DicedMesh, full: bool, upright: boo
             frames,
             blocks,
             diagonals: 2 * about.diagonal > tree_nodes,
+            strands: 2 * strips > item_count,
         },
         bounds,
         radius,

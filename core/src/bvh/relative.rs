@@ -85,11 +85,11 @@ pub enum Trees {
 }
 
 impl Trees {
-    /// As [`BlockTree::diagonals`], of all.
-    pub fn diagonals(&self) -> bool {
+    /// As [`BlockTree::strands`], of all.
+    pub fn are_of_strands(&self) -> bool {
         match self {
-            Trees::Still(tree) => tree.diagonals,
-            Trees::Moving(trees) => trees.iter().all(|tree| tree.diagonals),
+            Trees::Still(tree) => tree.strands,
+            Trees::Moving(trees) => trees.iter().all(|tree| tree.strands),
         }
     }
 }

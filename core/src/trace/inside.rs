@@ -100,6 +100,8 @@ pub(super) struct InsideMany<'a> {
     pub instance: u32,
     pub rays: &'a [Rays],
     pub lanes: u64,
+    /// Rays have little in common.
+    pub scattered: bool,
     pub queries: &'a mut Queries,
     pub room: &'a mut Room,
 }
@@ -113,6 +115,7 @@ impl Kernel for InsideMany<'_> {
             instance,
             rays,
             lanes,
+            scattered,
             queries,
             room,
         } = self;
@@ -123,6 +126,7 @@ impl Kernel for InsideMany<'_> {
                 instance,
                 rays,
                 lanes,
+                scattered,
                 seen: None,
                 queries,
                 room,
@@ -133,6 +137,7 @@ impl Kernel for InsideMany<'_> {
                 instance,
                 rays,
                 lanes,
+                scattered,
                 seen: None,
                 queries,
                 room,
@@ -143,6 +148,7 @@ impl Kernel for InsideMany<'_> {
                 instance,
                 rays,
                 lanes,
+                scattered,
                 queries,
                 room,
             }),

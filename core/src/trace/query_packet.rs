@@ -4,7 +4,7 @@ use std::cell::Cell;
 
 use hdtrapeze_simd::{Float, Kernel, Mask, Simd};
 
-use super::inside::{Inside, InsideMany};
+use super::inside::InsideMany;
 use super::late::Late;
 use super::movers::MoversMany;
 use super::packet::{LANES, Lanes, PACKET, Packet, Rays, VECTORS, part, split};
@@ -211,56 +211,17 @@ impl World {
             }
         }
         let rays = &space.rays[..rays.len().min(VECTORS)];
-        if object.blas().suits_single_rays() && are_scattered(simd, rays, lanes) {
-            self.inside_alone(object, item, rays, lanes, queries, room);
-        } else {
-            self.level.run(InsideMany {
-                object,
-                instance: item,
-                rays,
-                lanes,
-                queries,
-                room,
-            });
-        }
+        let scattered = object.blas().is_of_strands() && are_scattered(simd, rays, lanes);
+        self.level.run(InsideMany {
+            object,
+            instance: item,
+            rays,
+            lanes,
+            scattered,
+            queries,
+            room,
+        });
         room.give_back(space);
-    }
-
-    /// Traces the rays `lanes` through an object, in its own space, one by one.
-    fn inside_alone(
-        &self,
-        object: &ObjectGeometry,
-        item: u32,
-        rays: &[Rays],
-        lanes: u64,
-        queries: &mut Queries,
-        room: &mut Room,
-    ) {
-        let mut rest = lanes;
-        while rest != 0 {
-            let ray = rest.trailing_zeros() as usize;
-            rest &= rest - 1;
-            let mut query = queries.alone(ray);
-            if query.done() {
-                continue;
-            }
-            let (v, lane) = split(ray);
-            let mut counts = TraceCounts::default();
-            self.level.run(Inside::<false> {
-                object,
-                instance: item,
-                hidden: None,
-                ray: (
-                    rays[v].origin_of(lane),
-                    rays[v].dir_of(lane),
-                    rays[v].time[lane],
-                ),
-                query: &mut query,
-                stack: &mut room.stack,
-                counts: &mut counts,
-            });
-            queries.found_alone(ray, &query, &counts);
-        }
     }
 }
 

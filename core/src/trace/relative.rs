@@ -108,6 +108,7 @@ pub(super) struct RelativeMany<'a> {
     pub instance: u32,
     pub rays: &'a [Rays],
     pub lanes: u64,
+    pub scattered: bool,
     pub queries: &'a mut Queries,
     pub room: &'a mut Room,
 }
@@ -122,6 +123,7 @@ impl<S: Simd> Part<S> for RelativeMany<'_> {
             instance,
             rays,
             lanes,
+            scattered,
             queries,
             room,
         } = self;
@@ -165,6 +167,7 @@ impl<S: Simd> Part<S> for RelativeMany<'_> {
                 instance,
                 rays,
                 lanes: sound,
+                scattered,
                 seen: Some(&seen),
                 queries,
                 room,
@@ -187,6 +190,7 @@ impl<S: Simd> Part<S> for RelativeMany<'_> {
                         instance,
                         rays,
                         lanes,
+                        scattered,
                         seen: Some(&seen),
                         queries: &mut *queries,
                         room: &mut *room,

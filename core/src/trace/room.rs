@@ -3,7 +3,7 @@
 use super::cell_rays::CellRays;
 use super::packet::{LANES, PACKET, Rays, Record, Slabs, VECTORS};
 use super::pairs::Pairs;
-use super::traverse::Stack;
+use super::scattered::Turns;
 use super::traverse_packet::{Queries, Waiting};
 
 /// What a thread keeps between packets; taken while in use.
@@ -11,8 +11,6 @@ use super::traverse_packet::{Queries, Waiting};
 pub(super) struct Room {
     /// Subtrees still to visit, farthest first.
     pub waiting: Vec<Waiting>,
-    /// The same of a ray by itself.
-    pub stack: Stack,
     /// Pairs of rays and groups.
     pub pairs: Pairs,
     /// What rays look for.
@@ -36,6 +34,10 @@ pub(super) struct Space {
     pub records: [Record; PACKET],
     /// For micropolygons.
     pub cells: CellRays,
+    /// Rays that take turns.
+    pub turns: Turns,
+    /// To be turned into the frames of nodes, by those.
+    pub turns_records: [Record; PACKET],
 }
 
 impl Space {
@@ -46,6 +48,8 @@ impl Space {
         in_block: Slabs::NONE,
         records: [[0.0; 8]; PACKET],
         cells: CellRays::NONE,
+        turns: Turns::filled(0.0),
+        turns_records: [[0.0; 8]; PACKET],
     };
 
     /// What must not be read: in tests, every space that is taken holds this.
@@ -62,6 +66,8 @@ impl Space {
             in_block: slabs,
             records: [[f32::NAN; 8]; PACKET],
             cells: CellRays::SPOILED,
+            turns: Turns::filled(f32::NAN),
+            turns_records: [[f32::NAN; 8]; PACKET],
         }
     };
 }

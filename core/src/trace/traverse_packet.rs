@@ -7,6 +7,7 @@
 use hdtrapeze_simd::{Float, Mask, Part, Simd};
 
 use super::beam::{BEAM_RAYS, Beam};
+use super::cell::CellHit;
 use super::cell_rays::CellRays;
 use super::enter::{Entered, Spans, by_child_pays, enter_few, enter_packet};
 use super::enter_block::enter_block;
@@ -17,7 +18,9 @@ use super::packet::{
 use super::pairs::{Pairs, expect};
 use super::relative::SeenMany;
 use super::room::{Room, Space};
-use super::traverse::{Query, Target};
+use super::scattered::{Turns, walk_scattered};
+use super::traverse::Target;
+use super::waits::Waits;
 use super::{Hit, TraceCounts, two_cells};
 use crate::bvh::block::{Block, CellRect, loose};
 use crate::bvh::object::{BlockTree, loose_group};
@@ -162,28 +165,6 @@ impl Queries {
         self.t_min[v] = *t_min;
         self.t_max[v] = *t_max;
         self.ranges[v] = in_turns(simd, least, -most);
-    }
-
-    /// What a ray looks for.
-    pub fn alone(&self, ray: usize) -> Query {
-        let (v, lane) = split(ray);
-        Query {
-            t_min: self.ranges[v][lane][0],
-            best: self.best[ray & (PACKET - 1)],
-            after: None,
-            any: self.any,
-        }
-    }
-
-    /// What a ray found by itself, and what that cost.
-    pub fn found_alone(&mut self, ray: usize, query: &Query, counts: &TraceCounts) {
-        self.counts = self.counts + *counts;
-        if self.each {
-            let (v, lane) = split(ray);
-            self.nodes[v][lane] += counts.node_tests as f32;
-            self.cells[v][lane] += counts.cell_tests as f32;
-        }
-        self.offer(ray, query.best);
     }
 
     /// A hit of a ray.
@@ -339,6 +320,8 @@ pub(super) struct InTree<'a, B: Bounds8> {
     /// In the space of the object.
     pub rays: &'a [Rays],
     pub lanes: u64,
+    /// They have little in common.
+    pub scattered: bool,
     /// As the tree sees the rays, where that is otherwise.
     pub seen: Option<&'a SeenMany>,
     pub queries: &'a mut Queries,
@@ -357,7 +340,7 @@ impl<S: Simd, B: Bounds8> Part<S> for InTree<'_, B> {
         } = self;
         Target::new(simd, blocks, object, instance, None).enter_packet(
             self.rays,
-            self.lanes,
+            (self.lanes, self.scattered),
             self.seen,
             self.queries,
             self.room,
@@ -405,13 +388,107 @@ impl<S: Simd, B: Bounds8> Part<S> for BlockItem<'_, '_, '_, '_, S, B> {
     }
 }
 
+/// A packet of rays that have little in common, [apart](Simd::apart).
+struct Scattered<'a, 't, 'p, 'r, S: Simd, B: Bounds8> {
+    target: &'a Target<'t, S, B, false>,
+    packet: &'a Packet<'p, S>,
+    room: (&'a mut [Record; PACKET], &'a mut Slabs, &'a mut Turns),
+    in_block: &'a mut InBlock<'r>,
+    cells: &'a CellRays,
+    pairs: &'a mut Pairs,
+    queries: &'a mut Queries,
+}
+
+impl<S: Simd, B: Bounds8> Part<S> for Scattered<'_, '_, '_, '_, S, B> {
+    /// Rays that were not traced to their end.
+    type Output = u64;
+    #[inline(always)]
+    fn run(self, _: S) -> u64 {
+        let Self {
+            target,
+            packet,
+            room,
+            in_block,
+            cells,
+            pairs,
+            queries,
+        } = self;
+        target.scattered(packet, room, in_block, cells, pairs, queries)
+    }
+}
+
+/// An item that is no part of a strand, and one ray, [apart](Simd::apart).
+struct OtherItem<'a, 't, 'p, 'r, S: Simd, B: Bounds8> {
+    target: &'a Target<'t, S, B, false>,
+    item: u32,
+    ray: usize,
+    packet: &'a Packet<'p, S>,
+    in_block: &'a mut InBlock<'r>,
+    cells: &'a CellRays,
+    pairs: &'a mut Pairs,
+    queries: &'a mut Queries,
+}
+
+impl<S: Simd, B: Bounds8> Part<S> for OtherItem<'_, '_, '_, '_, S, B> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self, _: S) {
+        let Self {
+            target,
+            item,
+            ray,
+            packet,
+            in_block,
+            cells,
+            pairs,
+            queries,
+        } = self;
+        target.item_packet(item, 1 << ray, packet, in_block, cells, pairs, queries);
+    }
+}
+
+/// Parts of strands that wait for rays, [apart](Simd::apart).
+struct TestWaits<'a, 't, S: Simd, B: Bounds8> {
+    target: &'a Target<'t, S, B, false>,
+    waits: &'a mut Waits,
+    cells: &'a CellRays,
+    queries: &'a mut Queries,
+}
+
+impl<S: Simd, B: Bounds8> Part<S> for TestWaits<'_, '_, S, B> {
+    /// The rays that found something.
+    type Output = u64;
+    #[inline(always)]
+    fn run(self, simd: S) -> u64 {
+        let Self {
+            target,
+            waits,
+            cells,
+            queries,
+        } = self;
+        let (mesh, instance) = (target.mesh, target.instance);
+        let mut found = 0;
+        let accept = |ray: usize, grid: u32, cell: u32, hit: CellHit| {
+            queries.offer(ray, hit.of(instance, grid, cell));
+            found |= 1 << ray;
+        };
+        if B::KEYS {
+            waits.test::<S, true>(simd, cells, mesh, accept);
+        } else {
+            waits.test::<S, false>(simd, cells, mesh, accept);
+        }
+        found
+    }
+}
+
 impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
-    /// Traces the rays `lanes`, given in the object's space; and as the tree sees them, where that is otherwise.
+    /// Traces the rays `lanes`, given in the object's space, which are `scattered` or not; and as the tree sees them, where that
+    /// is otherwise.
     #[inline(always)]
     fn enter_packet(
         &self,
         rays: &[Rays],
-        lanes: u64,
+        (lanes, scattered): (u64, bool),
         seen: Option<&SeenMany>,
         queries: &mut Queries,
         room: &mut Room,
@@ -427,9 +504,11 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
             in_block,
             records,
             cells: own,
+            turns,
+            turns_records,
             ..
         } = &mut *space;
-        let packet = if B::MOVING {
+        let mut packet = if B::MOVING {
             Packet::new::<true>(self.simd, slab_rays, lanes, self.radius, pads, slabs)
         } else {
             Packet::new::<false>(self.simd, slab_rays, lanes, self.radius, pads, slabs)
@@ -450,6 +529,17 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
             records,
             ready: false,
         };
+        if scattered {
+            packet.sound = self.simd.apart(Scattered {
+                target: self,
+                packet: &packet,
+                room: (&mut *turns_records, &mut *turned, turns),
+                in_block: &mut in_block,
+                cells,
+                pairs: &mut room.pairs,
+                queries,
+            });
+        }
         let segments = B::KEYS && self.mesh.key_times.len() > 2;
         walk_packet(
             self.simd,
@@ -476,6 +566,73 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
             },
         );
         room.give_back(space);
+    }
+
+    /// Traces the rays of a packet in turns; those that were not traced to their end are given.
+    #[inline(always)]
+    fn scattered(
+        &self,
+        packet: &Packet<'_, S>,
+        (records, turned, turns): (&mut [Record; PACKET], &mut Slabs, &mut Turns),
+        in_block: &mut InBlock<'_>,
+        cells: &CellRays,
+        pairs: &mut Pairs,
+        queries: &mut Queries,
+    ) -> u64 {
+        let (simd, mesh, blocks) = (self.simd, self.mesh, self.blocks);
+        let mut waits = Waits::default();
+        let left_out = walk_scattered(
+            simd,
+            (&blocks.tree, blocks.diagonals),
+            packet,
+            (records, turned),
+            turns,
+            queries,
+            #[inline(always)]
+            |item, ray, queries| {
+                let mut found = 0;
+                if let Some((grid, slot)) = loose_group(item) {
+                    if waits.is_full() {
+                        found = self.test_waits(&mut waits, cells, queries);
+                    }
+                    let rect = loose(&mesh.traced(grid), slot);
+                    let ray = (ray, cells.key[ray & (PACKET - 1)]);
+                    let added = if B::KEYS {
+                        waits.add::<S, 2>(simd, mesh, grid, rect, ray)
+                    } else {
+                        waits.add::<S, 1>(simd, mesh, grid, rect, ray)
+                    };
+                    if added {
+                        queries.count_cells(simd, 1 << ray.0, rect);
+                        return found;
+                    }
+                }
+                simd.apart(OtherItem {
+                    target: self,
+                    item,
+                    ray,
+                    packet,
+                    in_block: &mut *in_block,
+                    cells,
+                    pairs: &mut *pairs,
+                    queries,
+                });
+                found | 1 << ray
+            },
+        );
+        self.test_waits(&mut waits, cells, queries);
+        left_out
+    }
+
+    /// Tests parts of strands that wait; gives the rays that found something.
+    #[inline(always)]
+    fn test_waits(&self, waits: &mut Waits, cells: &CellRays, queries: &mut Queries) -> u64 {
+        self.simd.apart(TestWaits {
+            target: self,
+            waits,
+            cells,
+            queries,
+        })
     }
 
     /// Tests one item of the tree: a loose group or a block.

@@ -14,7 +14,7 @@ use crate::grid::PlanarMesh;
 use crate::grid::planar::STRIP;
 
 /// Corners of the first micropolygon, in their order around it.
-const FIRST: [usize; 4] = [0, 1, 2, 3];
+pub(super) const FIRST: [usize; 4] = [0, 1, 2, 3];
 
 /// True for a group that [`test`] takes.
 #[inline(always)]
@@ -237,7 +237,7 @@ impl Strip<'_> {
 /// rounded edge functions differ in sign, as [`super::cell::maybe_hit`] has them. The edge between both has the same number for
 /// both, but for its sign.
 #[inline(always)]
-fn missed<F: Float<N>, const N: usize>(
+pub(super) fn missed<F: Float<N>, const N: usize>(
     zero: F,
     x: &[F; 6],
     y: &[F; 6],

@@ -5,8 +5,8 @@ use std::ops::{Add, BitAnd, BitOr, Mul, Neg, Sub};
 
 use super::avx2_apart;
 use super::eight::{
-    BIT, F256, M256, all8, bytes_in_turns, bytes8, four_pairs, from8, halves_swapped, high_bits,
-    mask8, outward8, transposed,
+    BIT, F256, M256, all8, bytes_in_turns, bytes8, eight_unzipped, from8, halves_swapped,
+    high_bits, mask8, ordered, outward8, transposed,
 };
 use super::rows::{expect, expect_lattice, long_rows, rows, within};
 use crate::{Float, Mask, Part, Simd, scalar};
@@ -170,6 +170,24 @@ macro_rules! fours256 {
     };
 }
 
+/// The lanes whose bits are set, for each set of 8.
+static KEPT: [[u8; 8]; 256] = {
+    let mut out = [[0; 8]; 256];
+    let mut mask = 0;
+    while mask < 256 {
+        let (mut lane, mut k) = (0, 0);
+        while lane < 8 {
+            if mask >> lane & 1 == 1 {
+                out[mask][k] = lane as u8;
+                k += 1;
+            }
+            lane += 1;
+        }
+        mask += 1;
+    }
+    out
+};
+
 impl Simd for Avx2 {
     const WIDE: bool = false;
     #[inline(always)]
@@ -211,18 +229,13 @@ impl Simd for Avx2 {
     #[inline(always)]
     fn unzipped(self, pairs: [&[f32; 2]; 16]) -> [Pair; 2] {
         let [a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p] = pairs;
-        let first = [four_pairs([a, b, e, f]), four_pairs([c, d, g, h])];
-        let second = [four_pairs([i, j, m, n]), four_pairs([k, l, o, p])];
-        x86!([
-            Pair(
-                F256(_mm256_shuffle_ps::<0b10_00_10_00>(first[0], first[1])),
-                F256(_mm256_shuffle_ps::<0b10_00_10_00>(second[0], second[1])),
-            ),
-            Pair(
-                F256(_mm256_shuffle_ps::<0b11_01_11_01>(first[0], first[1])),
-                F256(_mm256_shuffle_ps::<0b11_01_11_01>(second[0], second[1])),
-            ),
-        ])
+        let first = eight_unzipped([a, b, c, d, e, f, g, h]);
+        let second = eight_unzipped([i, j, k, l, m, n, o, p]);
+        [Pair(first[0], second[0]), Pair(first[1], second[1])]
+    }
+    #[inline(always)]
+    fn unzipped8(self, pairs: [&[f32; 2]; 8]) -> [F256; 2] {
+        eight_unzipped(pairs)
     }
     #[inline(always)]
     fn mask8(self, bits: u32) -> M256 {
@@ -235,6 +248,42 @@ impl Simd for Avx2 {
     #[inline(always)]
     fn bytes8(self, x: &[u8; 8]) -> F256 {
         bytes8(x)
+    }
+    #[inline(always)]
+    fn halves(self, first: F256, last: F256) -> Pair {
+        Pair(first, last)
+    }
+    #[inline(always)]
+    fn of_halves(self, x: Pair) -> [F256; 2] {
+        [x.0, x.1]
+    }
+    #[inline(always)]
+    fn bytes16(self, x: &[[u8; 8]; 2], order: &[u8; 16]) -> Pair {
+        let bytes = ordered(x, order);
+        x86!(Pair(
+            F256(_mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(bytes))),
+            F256(_mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(
+                _mm_unpackhi_epi64(bytes, bytes)
+            )))
+        ))
+    }
+    #[inline(always)]
+    fn kept(
+        self,
+        mask: u32,
+        x: F256,
+        words: &[u32; 8],
+        to: &mut [f32; 8],
+        words_to: &mut [u32; 8],
+    ) {
+        x86!({
+            let lanes = _mm_loadl_epi64((&raw const KEPT[mask as usize & 0xff]).cast());
+            let lanes = _mm256_cvtepu8_epi32(lanes);
+            let words = _mm256_loadu_si256(words.as_ptr().cast());
+            let words = _mm256_permutevar8x32_epi32(words, lanes);
+            _mm256_storeu_ps(to.as_mut_ptr(), _mm256_permutevar8x32_ps(x.0, lanes));
+            _mm256_storeu_si256(words_to.as_mut_ptr().cast(), words);
+        });
     }
     #[inline(always)]
     fn all16(self, x: f32) -> Pair {

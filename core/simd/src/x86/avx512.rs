@@ -6,8 +6,8 @@ use std::ops::{Add, BitAnd, BitOr, Mul, Neg, Sub};
 use super::avx2::Pair;
 use super::avx512_apart;
 use super::eight::{
-    BIT, F256, M256, all8, bytes_in_turns, bytes8, four_pairs, from8, halves_swapped, high_bits,
-    mask8, outward8, transposed,
+    BIT, F256, M256, all8, bytes_in_turns, bytes8, eight_unzipped, four_pairs, from8,
+    halves_swapped, high_bits, mask8, ordered, outward8, transposed,
 };
 use super::rows::{expect, expect_lattice, long_rows, rows, within};
 use crate::{Float, Mask, Part, Simd};
@@ -252,6 +252,10 @@ impl Simd for Avx512 {
         ]
     }
     #[inline(always)]
+    fn unzipped8(self, pairs: [&[f32; 2]; 8]) -> [F256; 2] {
+        eight_unzipped(pairs)
+    }
+    #[inline(always)]
     fn mask8(self, bits: u32) -> M256 {
         mask8(bits)
     }
@@ -262,6 +266,39 @@ impl Simd for Avx512 {
     #[inline(always)]
     fn bytes8(self, x: &[u8; 8]) -> F256 {
         bytes8(x)
+    }
+    #[inline(always)]
+    fn halves(self, first: F256, last: F256) -> F512 {
+        both(Pair(first, last))
+    }
+    #[inline(always)]
+    fn of_halves(self, x: F512) -> [F256; 2] {
+        x86!([
+            F256(_mm512_castps512_ps256(x.0)),
+            F256(_mm512_extractf32x8_ps::<1>(x.0))
+        ])
+    }
+    #[inline(always)]
+    fn bytes16(self, x: &[[u8; 8]; 2], order: &[u8; 16]) -> F512 {
+        let bytes = ordered(x, order);
+        x86!(F512(_mm512_cvtepi32_ps(_mm512_cvtepu8_epi32(bytes))))
+    }
+    #[inline(always)]
+    fn kept(
+        self,
+        mask: u32,
+        x: F256,
+        words: &[u32; 8],
+        to: &mut [f32; 8],
+        words_to: &mut [u32; 8],
+    ) {
+        x86!({
+            let mask = mask as u8;
+            let words = _mm256_loadu_si256(words.as_ptr().cast());
+            let words = _mm256_maskz_compress_epi32(mask, words);
+            _mm256_storeu_ps(to.as_mut_ptr(), _mm256_maskz_compress_ps(mask, x.0));
+            _mm256_storeu_si256(words_to.as_mut_ptr().cast(), words);
+        });
     }
     #[inline(always)]
     fn all16(self, x: f32) -> F512 {

@@ -137,6 +137,16 @@ pub(super) fn four_pairs([a, b, c, d]: [&[f32; 2]; 4]) -> __m256 {
     })
 }
 
+/// The first of each pair, and the second.
+#[inline(always)]
+pub(super) fn eight_unzipped([a, b, c, d, e, f, g, h]: [&[f32; 2]; 8]) -> [F256; 2] {
+    let (first, second) = (four_pairs([a, b, e, f]), four_pairs([c, d, g, h]));
+    x86!([
+        F256(_mm256_shuffle_ps::<0b10_00_10_00>(first, second)),
+        F256(_mm256_shuffle_ps::<0b11_01_11_01>(first, second)),
+    ])
+}
+
 /// The same for 4 vectors, in each half by itself.
 #[inline(always)]
 fn fours_transposed([a, b, c, d]: [F256; 4]) -> [F256; 4] {
@@ -192,6 +202,15 @@ pub(super) fn bytes_in_turns(even: &[u8; 8], odd: &[u8; 8]) -> __m128i {
         _mm_loadl_epi64(even.as_ptr().cast()),
         _mm_loadl_epi64(odd.as_ptr().cast())
     ))
+}
+
+/// 16 bytes in another order.
+#[inline(always)]
+pub(super) fn ordered(x: &[[u8; 8]; 2], order: &[u8; 16]) -> __m128i {
+    x86!({
+        let order = _mm_loadu_si128(order.as_ptr().cast());
+        _mm_shuffle_epi8(_mm_loadu_si128(x.as_ptr().cast()), order)
+    })
 }
 
 #[inline(always)]

@@ -1,0 +1,202 @@
+//! A ray laid out for slab tests against 8 children: near planes in the first half of a vector, far planes, mirrored, in the
+//! second. One product and one sum an end are all that the planes of an axis cost then, and both the latest near plane
+//! and the earliest far one are a maximum.
+//!
+//! A plane's terms are those of [`crate::bvh::node::SlabRay`], in the order that [`super::object_ray`] derives pads for.
+
+use hdtrapeze_simd::{Float, Mask, Simd};
+
+use super::packet::{LANES, Lanes, PACKET, Slabs, split};
+use crate::bvh::Bounds8;
+use crate::bvh::diagonal::{CHILDREN, Diagonals, PADS, Planes8, Sight, passed_by};
+use crate::bvh::node::Node;
+
+/// Near planes in the first half, far planes, mirrored, in the second, by axis: distances along the ray.
+type Planes<F> = [F; 3];
+
+/// A ray in the frame of a node.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
+pub struct Laid {
+    /// What planes at the start of the shutter are multiplied by, and those at its end.
+    to_start: [Lanes; 3],
+    to_end: [Lanes; 3],
+    /// What is added.
+    base: [Lanes; 3],
+    /// The order of planes, which are lower ones before upper ones: near ones before far ones.
+    order: [[u8; 16]; 3],
+    /// For diagonals.
+    sight: Sight,
+}
+
+impl Laid {
+    /// The same numbers everywhere.
+    pub const fn filled(x: f32) -> Self {
+        Self {
+            to_start: [[x; LANES]; 3],
+            to_end: [[x; LANES]; 3],
+            base: [[x; LANES]; 3],
+            order: [ORDERS[0]; 3],
+            sight: Sight {
+                turned: [u32::MAX; 3],
+                scale: [[x; 3]; 2],
+                pads: [x; 3],
+            },
+        }
+    }
+
+    /// Lays out ray number `at` of `slabs`.
+    #[inline(always)]
+    pub fn set<S: Simd>(&mut self, simd: S, slabs: &Slabs, at: usize, moving: bool) {
+        let (v, lane) = split(at);
+        for a in 0..3 {
+            let side = (slabs.negative[a] >> (at & (PACKET - 1)) & 1) as usize;
+            self.order[a] = ORDERS[side];
+            let first = slabs.negative[0] >> (at & (PACKET - 1)) & 1;
+            self.sight.turned[a] = (side as u32 ^ first as u32).wrapping_neg() & CHILDREN;
+            let sign = (side as u32) << 31;
+            let signed = |x: f32| f32::from_bits(x.to_bits() ^ sign);
+            let to = slabs.to_start[a][v][lane];
+            self.sight.scale[0][a] = to;
+            self.to_start[a] = halves(simd, signed(to), -signed(to));
+            if moving {
+                let to = slabs.to_end[a][v][lane];
+                self.sight.scale[1][a] = to;
+                self.to_end[a] = halves(simd, signed(to), -signed(to));
+            }
+            let [near, far] = slabs.base[a][v][lane];
+            self.base[a] = halves(simd, near, far);
+            self.sight.pads[a] = (-far - near) * PADS;
+        }
+    }
+
+    /// Tests the children of a node within `span`. Nothing here branches on what is found.
+    #[inline(always)]
+    pub fn test<S: Simd, B: Bounds8>(
+        &self,
+        simd: S,
+        node: &Node<B>,
+        span: &Lanes,
+        tested: &mut Tested,
+    ) {
+        let planes = self.planes(simd, &node.bounds);
+        let [x, y, z] = planes;
+        let [near, far] = simd.of_halves(x.max(y).max(z.max(simd.from16(span))));
+        let mask = near.le(-far).bits() & node.valid();
+        let items = mask & simd.high_bits(&node.children);
+        (tested.inner, tested.items) = (mask & !items, items);
+        tested.near = near.to_array();
+        tested.planes = [x.to_array(), y.to_array(), z.to_array()];
+    }
+
+    /// Those items of a node that was [tested](Self::test) whose diagonals the ray does not pass by.
+    #[inline(always)]
+    pub fn near_diagonals<S: Simd, B: Bounds8>(
+        &self,
+        simd: S,
+        node: &Node<B>,
+        tested: &Tested,
+    ) -> u32 {
+        let (start, end) = (node.bounds.start(), node.bounds.end());
+        let diagonals = Diagonals::of(node.slots, node.at_end, start, end);
+        let [x, y, z] = &tested.planes;
+        let own = [simd.from16(x), simd.from16(y), simd.from16(z)];
+        let planes = sides(simd, &own);
+        let at_start = if B::MOVING {
+            sides(simd, &self.at_start(simd, &node.bounds))
+        } else {
+            planes
+        };
+        let planes = (&planes, &at_start);
+        let passed = passed_by(simd, &node.bounds, &diagonals, &self.sight, planes);
+        // Nothing is said of items in nodes that have none.
+        let some = u32::from(node.slots > CHILDREN).wrapping_neg();
+        tested.items & !(passed & some)
+    }
+
+    /// Where the ray meets the planes of 8 children.
+    #[inline(always)]
+    fn planes<S: Simd, B: Bounds8>(&self, simd: S, bounds: &B) -> Planes<S::F16> {
+        let mut planes = self.at_start(simd, bounds);
+        if B::MOVING {
+            let end = bounds.end();
+            for (a, plane) in planes.iter_mut().enumerate() {
+                let scale = simd.all16(end.step[a]) * simd.from16(&self.to_end[a]);
+                let numbers = self.numbers(simd, &end.planes[a], a);
+                *plane = numbers.mul_add(scale, *plane);
+            }
+        }
+        planes
+    }
+
+    /// What the start of the shutter has in them, and the origin of both ends.
+    #[inline(always)]
+    fn at_start<S: Simd, B: Bounds8>(&self, simd: S, bounds: &B) -> Planes<S::F16> {
+        let (start, end) = (bounds.start(), bounds.end());
+        let [x, y, z] = &self.base;
+        let mut planes = [simd.from16(x), simd.from16(y), simd.from16(z)];
+        for (a, plane) in planes.iter_mut().enumerate() {
+            let origin = simd.all16(start.origin[a]);
+            *plane = origin.mul_add(simd.from16(&self.to_start[a]), *plane);
+            if B::MOVING {
+                let origin = simd.all16(end.origin[a]);
+                *plane = origin.mul_add(simd.from16(&self.to_end[a]), *plane);
+            }
+            let scale = simd.all16(start.step[a]) * simd.from16(&self.to_start[a]);
+            let numbers = self.numbers(simd, &start.planes[a], a);
+            *plane = numbers.mul_add(scale, *plane);
+        }
+        planes
+    }
+
+    /// Numbers of the planes along axis `a`: near, then far.
+    #[inline(always)]
+    fn numbers<S: Simd>(&self, simd: S, planes: &[[u8; 8]; 2], a: usize) -> S::F16 {
+        simd.bytes16(planes, &self.order[a])
+    }
+}
+
+/// The first 8 numbers alike, and the last.
+#[inline(always)]
+fn halves<S: Simd>(simd: S, near: f32, far: f32) -> Lanes {
+    simd.halves(simd.all8(near), simd.all8(far)).to_array()
+}
+
+/// Near and far planes.
+#[inline(always)]
+fn sides<S: Simd>(simd: S, planes: &Planes<S::F16>) -> Planes8<S::F8> {
+    let mut out = [[simd.all8(0.0); 2]; 3];
+    for (out, planes) in out.iter_mut().zip(planes) {
+        let [near, far] = simd.of_halves(*planes);
+        *out = [near, -far];
+    }
+    out
+}
+
+/// Children that a ray may hit: nodes and items, by bit masks, and where it enters them (meaningless for others).
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
+pub struct Tested {
+    planes: [Lanes; 3],
+    pub near: [f32; 8],
+    pub inner: u32,
+    pub items: u32,
+}
+
+impl Tested {
+    /// The same numbers everywhere.
+    pub const fn filled(x: f32) -> Self {
+        Self {
+            planes: [[x; LANES]; 3],
+            near: [x; 8],
+            inner: u32::MAX,
+            items: u32::MAX,
+        }
+    }
+}
+
+/// The order of planes for rays that go upward, and downward.
+static ORDERS: [[u8; 16]; 2] = [
+    [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15],
+    [8, 9, 10, 11, 12, 13, 14, 15, 0, 1, 2, 3, 4, 5, 6, 7],
+];

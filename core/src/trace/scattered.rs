@@ -1,0 +1,425 @@
+//! Rays of a packet that have little in common: each goes its own way through a tree, but some take steps in turns.
+//!
+//! One ray's step is a chain: its node comes from memory, what the ray enters is known a while later, and from that
+//! follows the next node. A packet hides this where rays meet the same nodes. Where they do not, several rays take one step
+//! each, in loops that are short and do not branch on what is found, so that their chains overlap: the nodes of all are
+//! tested, then the diagonals of those that have come to items, then what was entered goes onto each one's stack. Items are handed on
+//! when all have taken their step.
+//!
+//! A ray meets the same micropolygons as alone, or more; hits are the same.
+
+use hdtrapeze_simd::{Float, Mask, Simd};
+
+use super::laid::{Laid, Tested};
+use super::packet::{LANES, Lanes, PACKET, Packet, Record, Slabs, split, turn_few};
+use super::traverse_packet::Queries;
+use crate::bvh::{Bounds8, Tree};
+
+/// Rays that take turns.
+const TURNS: usize = 16;
+
+/// Subtrees that may wait for a ray, a power of 2. Rays for which these are too few are traced otherwise. In tests, there are
+/// such.
+const DEPTH: usize = if cfg!(test) { 16 } else { 256 };
+
+/// A ray on its way.
+#[derive(Clone, Copy)]
+#[repr(C, align(64))]
+struct Track {
+    own: Laid,
+    /// In the frame of the last node that had one.
+    turned: Laid,
+    /// Between what it looks: `t_min`, and `t_max` mirrored, in the two halves.
+    span: Lanes,
+    /// What was found in the node.
+    tested: Tested,
+    ray: usize,
+    /// The node that is next.
+    at: u32,
+    /// The frame of `turned`.
+    frame: u32,
+    /// Subtrees that wait: how many, references, and where the ray enters.
+    waiting: usize,
+    nodes: [u32; DEPTH],
+    near: [f32; DEPTH],
+}
+
+/// Room for rays that take turns.
+pub struct Turns([Track; TURNS]);
+
+impl Turns {
+    /// The same number everywhere.
+    pub const fn filled(x: f32) -> Self {
+        let laid = Laid::filled(x);
+        let track = Track {
+            own: laid,
+            turned: laid,
+            span: [x; LANES],
+            tested: Tested::filled(x),
+            ray: usize::MAX,
+            at: u32::MAX,
+            frame: u32::MAX,
+            waiting: usize::MAX,
+            nodes: [u32::MAX; DEPTH],
+            near: [x; DEPTH],
+        };
+        Self([track; TURNS])
+    }
+}
+
+impl Track {
+    /// A ray starts at the root.
+    #[inline(always)]
+    fn start<S: Simd>(&mut self, simd: S, root: u32, ray: usize, slabs: &Slabs, moving: bool) {
+        (self.ray, self.at, self.frame, self.waiting) = (ray, root, 0, 0);
+        self.own.set(simd, slabs, ray, moving);
+    }
+
+    /// The ray looks where `queries` say.
+    #[inline(always)]
+    fn look<S: Simd>(&mut self, simd: S, queries: &Queries) {
+        let (v, lane) = split(self.ray);
+        let [t_min, t_max] = queries.ranges[v][lane];
+        self.span = simd.halves(simd.all8(t_min), simd.all8(t_max)).to_array();
+    }
+
+    /// What the ray enters of `children`, which were tested, waits, and the next subtree is taken. True where there is none;
+    /// none at all is given where there is no room.
+    #[inline(always)]
+    fn step<S: Simd>(&mut self, simd: S, children: &[u32; 8], sorted: bool) -> Option<bool> {
+        let (inner, near) = (self.tested.inner, simd.from8(&self.tested.near));
+        let least = near.or(simd.mask8(inner), simd.all8(f32::INFINITY)).least();
+        let slot = (near.le(simd.all8(least)).bits() & inner | 0x100).trailing_zeros();
+        let others = inner & !(1 << slot);
+        let first = self.waiting;
+        let nodes = self
+            .nodes
+            .get_mut(first..)
+            .and_then(<[u32]>::first_chunk_mut)?;
+        let distances = self
+            .near
+            .get_mut(first..)
+            .and_then(<[f32]>::first_chunk_mut)?;
+        simd.kept(others, near, children, distances, nodes);
+        // The nearest lies on top of the others; without meaning, and not counted, where there is none.
+        let top = (first + others.count_ones() as usize) & (DEPTH - 1);
+        (self.nodes[top], self.near[top]) = (children[slot as usize & 7], least);
+        let count = top + usize::from(inner != 0);
+        let last = count.saturating_sub(1) & (DEPTH - 1);
+        let mut next = last;
+        if sorted {
+            // Of the last two, the nearer.
+            let nearer = self.near[last.saturating_sub(1)] < self.near[last];
+            next = (last - usize::from(nearer)) & (DEPTH - 1);
+        }
+        self.at = self.nodes[next];
+        (self.nodes[next], self.near[next]) = (self.nodes[last], self.near[last]);
+        self.waiting = last;
+        Some(count == 0)
+    }
+
+    /// Drops subtrees that begin behind `t_max`.
+    #[inline(always)]
+    fn drop_behind(&mut self, t_max: f32) {
+        let mut kept = 0;
+        for i in 0..self.waiting & (DEPTH - 1) {
+            (self.nodes[kept], self.near[kept]) = (self.nodes[i], self.near[i]);
+            kept = (kept + usize::from(self.near[i] <= t_max)) & (DEPTH - 1);
+        }
+        self.waiting = kept;
+    }
+}
+
+/// Those of all rays that take turns.
+struct Live {
+    numbers: [u8; TURNS],
+    count: usize,
+}
+
+impl Live {
+    #[inline(always)]
+    fn all() -> Self {
+        let mut numbers = [0; TURNS];
+        for (k, number) in numbers.iter_mut().enumerate() {
+            *number = k as u8;
+        }
+        Self {
+            numbers,
+            count: TURNS,
+        }
+    }
+
+    #[inline(always)]
+    fn get(&self, k: usize) -> usize {
+        usize::from(self.numbers[k & (TURNS - 1)]) & (TURNS - 1)
+    }
+
+    /// The last takes the place of number `k`.
+    #[inline(always)]
+    fn drop(&mut self, k: usize) {
+        self.count -= 1;
+        self.numbers[k & (TURNS - 1)] = self.numbers[self.count & (TURNS - 1)];
+    }
+}
+
+/// Most items that all rays may come to in one step, and room for 8 more.
+const ITEMS: usize = 8 * TURNS + 8;
+
+/// Items that rays have come to.
+struct Items {
+    count: usize,
+    items: [u32; ITEMS],
+    rays: [u32; ITEMS],
+}
+
+impl Items {
+    const NONE: Items = Items {
+        count: 0,
+        items: [0; ITEMS],
+        rays: [0; ITEMS],
+    };
+
+    /// Those of 8 children whose bits are set.
+    #[inline(always)]
+    fn push<S: Simd>(&mut self, simd: S, mask: u32, children: &[u32; 8], ray: usize) {
+        let items = self
+            .items
+            .get_mut(self.count..)
+            .and_then(<[u32]>::first_chunk_mut);
+        let rays = self
+            .rays
+            .get_mut(self.count..)
+            .and_then(<[u32]>::first_chunk_mut);
+        if let (Some(items), Some(rays)) = (items, rays) {
+            let mut no_distances = [0.0; 8];
+            simd.kept(mask, simd.all8(0.0), children, &mut no_distances, items);
+            *rays = [ray as u32; 8];
+            self.count += mask.count_ones() as usize;
+        }
+    }
+}
+
+/// Walks a tree, whose items have diagonals or not, with the rays of a packet; `records` and `turned` are room for them.
+/// `leaf(item, ray, queries)` is called for items that a ray may hit, and gives the rays that have found something meanwhile.
+/// What it returns are the rays that were not traced to their end.
+#[inline(always)]
+#[allow(clippy::too_many_arguments)] // one call, inlined
+pub(super) fn walk_scattered<S: Simd, B: Bounds8>(
+    simd: S,
+    (tree, diagonals): (&Tree<B>, bool),
+    packet: &Packet<'_, S>,
+    (records, turned): (&mut [Record; PACKET], &mut Slabs),
+    Turns(tracks): &mut Turns,
+    queries: &mut Queries,
+    mut leaf: impl FnMut(u32, usize, &mut Queries) -> u64,
+) -> u64 {
+    if tree.root & Tree::<B>::LEAF != 0 {
+        // Nothing to walk: a single item, or none.
+        return packet.sound;
+    }
+    if tree.frames.len() > 1 {
+        packet.records(records);
+    }
+    let mut left_out = 0;
+    let mut rest = packet.sound;
+    let mut items = Items::NONE;
+    let mut live = Live::all();
+    // Numbers in `live` whose rays are done: the next take their places.
+    let mut done = (1u32 << TURNS) - 1;
+    loop {
+        while done != 0 {
+            // The last first: those behind it are not done.
+            let k = (31 ^ done.leading_zeros()) as usize & (TURNS - 1);
+            done &= !(1 << k);
+            if rest == 0 {
+                live.drop(k);
+                continue;
+            }
+            let ray = rest.trailing_zeros() as usize & (PACKET - 1);
+            rest &= rest - 1;
+            let track = &mut tracks[live.get(k)];
+            track.start(simd, tree.root, ray, packet.slabs, B::MOVING);
+            track.look(simd, queries);
+        }
+        if live.count == 0 {
+            return left_out;
+        }
+        // Nodes.
+        let mut with_items = Live {
+            numbers: [0; TURNS],
+            count: 0,
+        };
+        for k in 0..live.count {
+            let track = &mut tracks[live.get(k)];
+            let node = &tree.nodes[track.at as usize];
+            let laid = if node.frame == 0 {
+                &track.own
+            } else {
+                if node.frame != track.frame {
+                    track.frame = node.frame;
+                    let frame = &tree.frames[node.frame as usize];
+                    turn_few(simd, frame, 1 << track.ray, B::MOVING, records, turned);
+                    track.turned.set(simd, turned, 0, B::MOVING);
+                }
+                &track.turned
+            };
+            laid.test(simd, node, &track.span, &mut track.tested);
+            with_items.numbers[with_items.count & (TURNS - 1)] = live.get(k) as u8;
+            with_items.count += usize::from(track.tested.items != 0);
+        }
+        queries.counts.node_tests += live.count as u64;
+        if queries.each {
+            for k in 0..live.count {
+                let (v, lane) = split(tracks[live.get(k)].ray);
+                queries.nodes[v][lane] += 1.0;
+            }
+        }
+        // Diagonals.
+        items.count = 0;
+        for k in 0..with_items.count {
+            let track = &tracks[with_items.get(k)];
+            let node = &tree.nodes[track.at as usize];
+            let mut own = track.tested.items;
+            if diagonals {
+                let turned = node.frame != 0;
+                let laid = if turned { &track.turned } else { &track.own };
+                own = laid.near_diagonals(simd, node, &track.tested);
+            }
+            items.push(simd, own, &node.children, track.ray);
+        }
+        // Stacks.
+        for k in 0..live.count {
+            let track = &mut tracks[live.get(k)];
+            let node = &tree.nodes[track.at as usize];
+            let step = track.step(simd, &node.children, !queries.any);
+            done |= u32::from(step.unwrap_or(true)) << k;
+            if step.is_none() {
+                left_out |= 1 << track.ray;
+            }
+            simd.expect(&tree.nodes, track.at as usize);
+        }
+        // Items.
+        let mut found = 0;
+        for (&item, &ray) in items.items[..items.count.min(ITEMS)]
+            .iter()
+            .zip(&items.rays)
+        {
+            let ray = ray as usize & (PACKET - 1);
+            found |= leaf(item & !Tree::<B>::LEAF, ray, queries);
+        }
+        for k in 0..if found == 0 { 0 } else { live.count } {
+            let track = &mut tracks[live.get(k)];
+            if found >> track.ray & 1 == 1 {
+                let (v, lane) = split(track.ray);
+                let t_max = queries.t_max[v][lane];
+                track.look(simd, queries);
+                track.drop_behind(t_max);
+                // It looks no more.
+                done |= u32::from(t_max == f32::NEG_INFINITY) << k;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use glam::{DVec3, Vec3};
+
+    use super::*;
+    use crate::bvh::ObjectGeometry;
+    use crate::grid::{DicedMesh, Grid};
+    use crate::trace::instance::InstanceTransform;
+    use crate::trace::{Hit, Ray, TraceCounts, World, WorldInstance};
+
+    /// Numbers from 0 to 1.
+    fn unit(state: &mut u64) -> f32 {
+        *state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        (*state >> 40) as f32 / (1u64 << 24) as f32
+    }
+
+    fn cube(state: &mut u64) -> Vec3 {
+        Vec3::new(unit(state), unit(state), unit(state)) * 2.0 - 1.0
+    }
+
+    /// Straight strands of `length` micropolygons, across rows or `along` them, in a cube.
+    fn strands(count: u32, length: u16, along: bool, keys: usize) -> World {
+        let state = &mut 7;
+        let mut mesh = DicedMesh {
+            key_times: (0..keys)
+                .map(|k| k as f32 / (keys.max(2) - 1) as f32)
+                .collect(),
+            ..DicedMesh::default()
+        };
+        let (nu, nv) = if along { (length, 1) } else { (1, length) };
+        for element in 0..count {
+            let (root, way, side) = (cube(state), cube(state) * 0.3, cube(state) * 0.02);
+            let sway = cube(state) * 0.1;
+            for k in 0..keys {
+                for j in 0..=nv {
+                    for i in 0..=nu {
+                        let (at, across) = if along { (i, j) } else { (j, i) };
+                        let at = f32::from(at) / f32::from(length);
+                        let p = root + way * at + side * f32::from(across) + sway * (at * k as f32);
+                        mesh.positions.push(p);
+                    }
+                }
+            }
+            let first_vertex = mesh.vertex_count as u32;
+            mesh.grids.push(Grid {
+                first_vertex,
+                element,
+                nu,
+                nv,
+            });
+            mesh.vertex_count += usize::from(nu + 1) * usize::from(nv + 1);
+        }
+        let instance = WorldInstance {
+            object: Arc::new(ObjectGeometry::new(mesh)),
+            transform: InstanceTransform::Translation(DVec3::ZERO),
+            user: 0,
+        };
+        World::build(vec![instance], DVec3::ZERO)
+    }
+
+    /// Also rays for which stacks are too small: in tests they are.
+    #[test]
+    fn rays_in_turns_hit_what_they_hit_alone() {
+        for keys in [1, 2, 4] {
+            // Of 9, the last part is a single micropolygon.
+            for (along, length) in [(false, 9), (true, 9), (false, 2), (true, 16)] {
+                let world = strands(3000, length, along, keys);
+                let state = &mut 11;
+                let rays: Vec<Ray> = (0..40 * PACKET)
+                    .map(|i| Ray {
+                        origin: cube(state),
+                        dir: cube(state),
+                        time: unit(state),
+                        t_min: 0.0,
+                        t_max: if i % 3 == 0 { 0.5 } else { f32::INFINITY },
+                    })
+                    .collect();
+                let mut hits = vec![Hit::MISS; rays.len()];
+                let mut found = vec![false; rays.len()];
+                let counts = &mut TraceCounts::default();
+                world.trace_many(&rays, &mut hits, counts);
+                world.occluded_many(&rays, &mut found, counts);
+                let mut some = 0;
+                for ((ray, hit), found) in rays.iter().zip(&hits).zip(&found) {
+                    let alone = world.trace(ray, counts);
+                    assert_eq!(alone, *hit, "{keys} keys, {along}, {length}: {ray:?}");
+                    assert_eq!(
+                        alone.is_hit(),
+                        *found,
+                        "{keys} keys, {along}, {length}: {ray:?}"
+                    );
+                    some += usize::from(alone.is_hit());
+                }
+                assert!(some > rays.len() / 8 && some < rays.len(), "{some}");
+            }
+        }
+    }
+}

@@ -1,0 +1,261 @@
+//! Parts of strands that wait, each for one ray: 8 of them are tested at once, whoever they wait for.
+//!
+//! A packet of rays that go one way brings many of them to each part ([`super::two_cells`]); rays that have little in common
+//! come alone, and a part of two micropolygons fills a quarter of a vector. So parts wait until some rays have come to some. The
+//! operations are those of [`super::cell`] in the same order, so hits are the same.
+
+use hdtrapeze_simd::{Float, Mask, Simd};
+
+use super::cell::{CellHit, exact};
+use super::cell_rays::CellRays;
+use super::packet::PACKET;
+use super::two_cells::{FIRST, is_small, missed};
+use crate::bvh::block::CellRect;
+use crate::grid::PlanarMesh;
+use crate::grid::planar::STRIP;
+
+/// Parts that are tested at once.
+const LANES: usize = 8;
+
+/// Vertices of a part: 3 stations along the strand, x before y before z of both sides; and a pair of floats without meaning, so
+/// that any axis below 4 of any station is in there.
+const FLOATS: usize = STRIP + 2;
+
+/// Axes in the order x, y, z of a sheared space, by the one that is z; see [`super::cell::CellRay`].
+static AXES: [[u8; 3]; 4] = [[1, 2, 0], [2, 0, 1], [0, 1, 2], [0, 1, 2]];
+
+/// A part of a strand that waits for a ray.
+#[derive(Clone, Copy, Debug, Default)]
+struct Wait {
+    /// Where its vertices are.
+    first: usize,
+    /// From key to key.
+    key: u32,
+    grid: u32,
+    /// Its first micropolygon.
+    cell: u16,
+    /// Vertices in a row of its grid.
+    columns: u16,
+    ray: u8,
+    /// There is a second micropolygon.
+    two: bool,
+    /// The strand runs along rows, not across them.
+    along_rows: bool,
+}
+
+/// Parts that wait.
+#[derive(Clone, Debug, Default)]
+pub struct Waits {
+    count: usize,
+    waits: [Wait; LANES],
+}
+
+impl Waits {
+    /// True when they have to be tested before another is added.
+    #[inline(always)]
+    pub fn is_full(&self) -> bool {
+        self.count >= LANES
+    }
+
+    /// Adds the cells `rect` of grid `g`, the [loose](crate::bvh::block::loose) part of a strand, for a ray that goes through
+    /// the segment `key` of `KEYS` or less, and asks for it from memory. False where it is no such part.
+    #[inline(always)]
+    pub fn add<S: Simd, const KEYS: usize>(
+        &mut self,
+        simd: S,
+        mesh: &PlanarMesh,
+        g: u32,
+        rect: CellRect,
+        (ray, key): (usize, u32),
+    ) -> bool {
+        let grid = mesh.traced(g);
+        let along_rows = grid.nv == 1 && grid.nu > 1;
+        if !is_small(rect) || grid.nu.min(grid.nv) != 1 {
+            return false;
+        }
+        let stride = 3 * grid.vertex_count();
+        let columns = grid.nu + 1;
+        let from = if along_rows {
+            usize::from(rect.i)
+        } else {
+            3 * usize::from(rect.j) * usize::from(columns)
+        };
+        let first = mesh.first_float(&grid, key as usize) + from;
+        let floats = mesh.floats();
+        if !along_rows && first + (KEYS - 1) * stride + FLOATS > floats.len() {
+            return false;
+        }
+        for k in 0..KEYS {
+            let at = first.wrapping_add(k * stride);
+            if along_rows {
+                simd.expect_lattices::<1>(floats, at, usize::from(columns), 0);
+            } else {
+                simd.expect(floats, at);
+                simd.expect(floats, at.wrapping_add(STRIP - 1));
+            }
+        }
+        self.waits[self.count & (LANES - 1)] = Wait {
+            first,
+            key: stride as u32,
+            grid: g,
+            cell: u16::from(rect.i.max(rect.j)),
+            columns,
+            ray: ray as u8,
+            two: rect.w * rect.h == 2,
+            along_rows,
+        };
+        self.count += 1;
+        true
+    }
+
+    /// Tests all; calls `accept(ray, grid, cell, hit)` for every triangle hit, in no useful order.
+    #[inline(always)]
+    pub fn test<S: Simd, const MOVING: bool>(
+        &mut self,
+        simd: S,
+        cells: &CellRays,
+        mesh: &PlanarMesh,
+        mut accept: impl FnMut(usize, u32, u32, CellHit),
+    ) {
+        let count = self.count.min(LANES);
+        self.count = 0;
+        // Any part where there are fewer, whose lanes do not count.
+        let lanes = (1u32 << count) - 1;
+        let zero = simd.all8(0.0);
+        let mut eight = [zero; LANES];
+        let mut axes = [[0u8; 3]; LANES];
+        for k in 0..LANES {
+            let ray = usize::from(self.waits[k].ray) & (PACKET - 1);
+            eight[k] = simd.from8(&cells.rays[ray]);
+            axes[k] = AXES[usize::from(cells.z_axis[ray]) & 3];
+        }
+        let [ox, oy, oz, fraction, slope_x, slope_y, ..] = simd.transposed(eight);
+        let mut at = self.vertices(simd, mesh, &axes, false);
+        if MOVING {
+            let to = self.vertices(simd, mesh, &axes, true);
+            for (at, to) in at.as_flattened_mut().iter_mut().zip(to.as_flattened()) {
+                for (at, to) in at.iter_mut().zip(to) {
+                    *at = *at + (*to - *at) * fraction;
+                }
+            }
+        }
+        let (mut x, mut y, mut z) = ([zero; 6], [zero; 6], [zero; 6]);
+        for (k, [row, column]) in CORNERS.into_iter().enumerate() {
+            let [own_x, own_y, own_z] = &at[row];
+            z[k] = own_z[column] + oz;
+            x[k] = (own_x[column] + ox) - z[k] * slope_x;
+            y[k] = (own_y[column] + oy) - z[k] * slope_y;
+        }
+        let [missed_a, missed_b] = missed(zero, &x, &y, FIRST);
+        let [missed_c, missed_d] = missed(zero, &x, &y, SECOND);
+        let all = missed_a & missed_b & missed_c & missed_d;
+        if !all.bits() & lanes == 0 {
+            return;
+        }
+        let (mut sx, mut sy, mut sz) = ([[0.0; LANES]; 6], [[0.0; LANES]; 6], [[0.0; LANES]; 6]);
+        for k in 0..6 {
+            (sx[k], sy[k], sz[k]) = (x[k].to_array(), y[k].to_array(), z[k].to_array());
+        }
+        let missed = [
+            missed_a.bits(),
+            missed_b.bits(),
+            missed_c.bits(),
+            missed_d.bits(),
+        ];
+        for (i, missed) in missed.into_iter().enumerate() {
+            let in_second = i >= 2;
+            let mut found = !missed & lanes;
+            while found != 0 {
+                let lane = found.trailing_zeros() as usize & (LANES - 1);
+                found &= found - 1;
+                let wait = &self.waits[lane];
+                if in_second && !wait.two {
+                    continue;
+                }
+                // Sides and rows change places along rows, and so do a micropolygon's triangles.
+                let corners = TRIANGLES[usize::from(wait.along_rows)][i];
+                let corners = corners.map(
+                    #[inline(always)]
+                    |k| [sx[k][lane], sy[k][lane], sz[k][lane]].map(f64::from),
+                );
+                let last = (i % 2 == 1) != wait.along_rows;
+                let ray = usize::from(wait.ray) & (PACKET - 1);
+                let [.., dir_z, _] = cells.rays[ray];
+                if let Some(hit) = exact(corners, last, f64::from(dir_z)) {
+                    let cell = u32::from(wait.cell) + u32::from(in_second);
+                    accept(ray, wait.grid, cell, hit);
+                }
+            }
+        }
+    }
+
+    /// Coordinates of the vertices of all parts, at the first key of their segments or at the `next`:
+    /// `[station][axis][side]`.
+    #[inline(always)]
+    fn vertices<S: Simd>(
+        &self,
+        simd: S,
+        mesh: &PlanarMesh,
+        axes: &[[u8; 3]; LANES],
+        next: bool,
+    ) -> [[[S::F8; 2]; 3]; 3] {
+        let floats = mesh.floats();
+        let mut rooms = [[0.0; FLOATS]; LANES];
+        let mut places = [&NOWHERE; LANES];
+        for ((place, room), wait) in places.iter_mut().zip(&mut rooms).zip(&self.waits) {
+            let first = wait.first + if next { wait.key as usize } else { 0 };
+            let floats = floats.get(first..).unwrap_or_default();
+            if wait.along_rows {
+                wait.gather(floats, room);
+                *place = room;
+            } else {
+                // It was there when it was added.
+                *place = floats.first_chunk().unwrap_or(&NOWHERE);
+            }
+        }
+        let mut at = [[[simd.all8(0.0); 2]; 3]; 3];
+        for (station, at) in at.iter_mut().enumerate() {
+            for (a, at) in at.iter_mut().enumerate() {
+                let mut pairs = [&[0.0; 2]; LANES];
+                for k in 0..LANES {
+                    let (all, _) = places[k].as_chunks();
+                    pairs[k] = &all[3 * station + usize::from(axes[k][a] & 3)];
+                }
+                *at = simd.unzipped8(pairs);
+            }
+        }
+        at
+    }
+}
+
+impl Wait {
+    /// Brings a part that runs along rows in the order of those that run across.
+    #[inline(always)]
+    fn gather(&self, floats: &[f32], to: &mut [f32; FLOATS]) {
+        let columns = usize::from(self.columns);
+        for side in 0..2 {
+            for axis in 0..3 {
+                // Of a single micropolygon, the third is without meaning, but there.
+                let row = floats.get((3 * side + axis) * columns..);
+                let row = row.and_then(<[f32]>::first_chunk::<3>).unwrap_or(&[0.0; 3]);
+                for (station, x) in row.iter().enumerate() {
+                    to[2 * (3 * station + axis) + side] = *x;
+                }
+            }
+        }
+    }
+}
+
+/// Station and side of each corner; the second micropolygon has two of the first.
+const CORNERS: [[usize; 2]; 6] = [[0, 0], [0, 1], [1, 1], [1, 0], [2, 1], [2, 0]];
+
+/// Corners of the second micropolygon, in their order around it.
+const SECOND: [usize; 4] = [3, 2, 4, 5];
+
+/// Corners of the triangles of both micropolygons, where strands run across rows, and along them.
+const TRIANGLES: [[[usize; 3]; 4]; 2] = [
+    [[0, 1, 2], [0, 2, 3], [3, 2, 4], [3, 4, 5]],
+    [[0, 2, 1], [0, 3, 2], [3, 4, 2], [3, 5, 4]],
+];
+
+static NOWHERE: [f32; FLOATS] = [0.0; FLOATS];
