@@ -595,15 +595,16 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
                     if waits.is_full() {
                         found = self.test_waits(&mut waits, cells, queries);
                     }
-                    let rect = loose(&mesh.traced(grid), slot);
-                    let ray = (ray, cells.key[ray & (PACKET - 1)]);
+                    let traced = mesh.traced(grid);
+                    let (rect, grid) = (loose(&traced, slot), (grid, &traced));
                     let added = if B::KEYS {
-                        waits.add::<S, 2>(simd, mesh, grid, rect, ray)
+                        let key = cells.key[ray & (PACKET - 1)];
+                        waits.add::<S, 2>(simd, mesh, grid, rect, (ray, key))
                     } else {
-                        waits.add::<S, 1>(simd, mesh, grid, rect, ray)
+                        waits.add::<S, 1>(simd, mesh, grid, rect, (ray, 0))
                     };
                     if added {
-                        queries.count_cells(simd, 1 << ray.0, rect);
+                        queries.count_cells(simd, 1 << ray, rect);
                         return found;
                     }
                 }

@@ -11,8 +11,8 @@ use super::cell_rays::CellRays;
 use super::packet::PACKET;
 use super::two_cells::{FIRST, is_small, missed};
 use crate::bvh::block::CellRect;
-use crate::grid::PlanarMesh;
 use crate::grid::planar::STRIP;
+use crate::grid::{Grid, PlanarMesh};
 
 /// Parts that are tested at once.
 const LANES: usize = 8;
@@ -64,11 +64,10 @@ impl Waits {
         &mut self,
         simd: S,
         mesh: &PlanarMesh,
-        g: u32,
+        (g, grid): (u32, &Grid),
         rect: CellRect,
         (ray, key): (usize, u32),
     ) -> bool {
-        let grid = mesh.traced(g);
         let along_rows = grid.nv == 1 && grid.nu > 1;
         if !is_small(rect) || grid.nu.min(grid.nv) != 1 {
             return false;
@@ -80,7 +79,7 @@ impl Waits {
         } else {
             3 * usize::from(rect.j) * usize::from(columns)
         };
-        let first = mesh.first_float(&grid, key as usize) + from;
+        let first = mesh.first_float(grid, key as usize) + from;
         let floats = mesh.floats();
         if !along_rows && first + (KEYS - 1) * stride + FLOATS > floats.len() {
             return false;
