@@ -178,8 +178,11 @@ fn sides<S: Simd>(simd: S, planes: &Planes<S::F16>) -> Planes8<S::F8> {
 #[repr(C, align(64))]
 pub struct Tested {
     planes: [Lanes; 3],
+    /// Where the ray enters each child.
     pub near: [f32; 8],
+    /// Those that are nodes.
     pub inner: u32,
+    /// Those that are items.
     pub items: u32,
 }
 

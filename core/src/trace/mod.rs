@@ -14,7 +14,7 @@ pub mod enter;
 pub mod enter_block;
 mod inside;
 pub mod instance;
-mod laid;
+pub mod laid;
 mod late;
 mod movers;
 pub mod object_ray;

@@ -15,8 +15,11 @@ use hdtrapeze_core::trace::beam::Beam;
 use hdtrapeze_core::trace::cell::CellRay;
 use hdtrapeze_core::trace::enter::{Spans, by_child_pays, enter_few, enter_packet};
 use hdtrapeze_core::trace::enter_block::enter_block;
+use hdtrapeze_core::trace::laid::{Laid, Tested};
 use hdtrapeze_core::trace::object_ray::{ObjectRay, SLAB_PAD};
-use hdtrapeze_core::trace::packet::{Form, LANES, PACKET, Packet, Rays, Slabs, VECTORS, split};
+use hdtrapeze_core::trace::packet::{
+    Form, LANES, PACKET, Packet, Rays, Slabs, VECTORS, split, turn_few,
+};
 use hdtrapeze_simd::{Kernel, Level, Simd};
 
 use crate::boxes::{CELL, frame, vec3};
@@ -247,6 +250,8 @@ enum Way {
     Few(u64),
     /// As each of these of a packet, at a block.
     AtBlock(u64),
+    /// As this ray of a packet whose rays take turns.
+    InTurns(usize),
     /// As one of a packet that is met as a beam.
     InBeam(Box<Bundle>),
 }
@@ -280,11 +285,10 @@ impl Way {
                     None if turns => ray.turned(&case.frame),
                     None => ray.slab,
                 };
-                let Some(diagonal) = case.diagonal else {
+                if case.diagonal.is_none() {
                     return enter(simd, bounds, 1, &slabs, t, t).0 == 1;
-                };
-                let node = of_strand(bounds, diagonal);
-                enter_node(simd, &node, &slabs, t, t).0 == 1
+                }
+                enter_node(simd, &of_item(bounds, case.diagonal), &slabs, t, t).0 == 1
             }
             Way::InBeam(bundle) => {
                 let mut rays = [Rays::NONE; VECTORS];
@@ -309,10 +313,10 @@ impl Way {
                     .map(|beam| beam.touched(simd, bounds, 1))
                     .is_none_or(|touched| touched.children == 1 && touched.near[0] <= t)
             }
-            Way::InPacket(_) | Way::Together | Way::Few(_) | Way::AtBlock(_) => {
+            Way::InPacket(_) | Way::Together | Way::Few(_) | Way::AtBlock(_) | Way::InTurns(_) => {
                 let mut rays = [Rays::NONE; VECTORS];
                 let lanes = match self {
-                    Way::InPacket(ray) => 1u64 << *ray,
+                    Way::InPacket(ray) | Way::InTurns(ray) => 1u64 << *ray,
                     Way::Few(lanes) | Way::AtBlock(lanes) => *lanes,
                     _ => u64::MAX,
                 };
@@ -336,6 +340,27 @@ impl Way {
                 let mut records = [[f32::NAN; 8]; PACKET];
                 packet.records(&mut records);
                 let (all, frame) = (&records, &case.frame);
+                if let Way::InTurns(ray) = self {
+                    let mut laid = Laid::filled(f32::NAN);
+                    match &case.turn {
+                        Some(turn) => {
+                            turn_few(simd, turn, lanes, B::MOVING, all, &mut turned);
+                            laid.set(simd, &turned, 0, B::MOVING);
+                        }
+                        None if turns => {
+                            turn_few(simd, frame, lanes, B::MOVING, all, &mut turned);
+                            laid.set(simd, &turned, 0, B::MOVING);
+                        }
+                        None => laid.set(simd, packet.slabs, *ray, B::MOVING),
+                    }
+                    let node = of_item(bounds, case.diagonal);
+                    let mut tested = Tested::filled(f32::NAN);
+                    let span = std::array::from_fn(|i| if i < LANES / 2 { t } else { -t });
+                    laid.test(simd, &node, &span, &mut tested);
+                    // Where there are no diagonals, they say nothing.
+                    let near = laid.near_diagonals(simd, &node, &tested);
+                    return tested.inner == 0 && tested.items == 1 && near == 1;
+                }
                 let few = match (self, &case.turn) {
                     (Way::Few(_), Some(turn)) => {
                         let room = (all, &mut turned);
@@ -384,9 +409,9 @@ impl Way {
     }
 }
 
-/// A node with an item in its first place.
-fn of_strand<B: Bounds8>(bounds: &B, diagonal: Diagonal) -> Node<B> {
-    let [start, end] = diagonal.to_numbers();
+/// A node with an item in its first place, which has a diagonal or not.
+fn of_item<B: Bounds8>(bounds: &B, diagonal: Option<Diagonal>) -> Node<B> {
+    let [start, end] = diagonal.unwrap_or(Diagonal::NONE).to_numbers();
     let numbers = [start, end].map(|n| [n, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
     let grids = (bounds.start(), bounds.end());
     let (diagonals, at_end) = packed(Level::best(), grids, &numbers);
@@ -499,7 +524,8 @@ fn hunt(
 
 fn ray_by_ray(genes: &mut Genes<'_>, _: &Case) -> Way {
     let some = |genes: &mut Genes<'_>| u64::MAX / (genes.below(1 << 16) as u64 + 1);
-    match genes.below(6) {
+    match genes.below(7) {
+        6 => Way::InTurns(genes.below(PACKET as u64)),
         0 | 1 => Way::Alone,
         2 => Way::InPacket(genes.below(PACKET as u64)),
         3 => Way::Few(some(genes)),
@@ -529,17 +555,23 @@ fn slabs_of_tiny_and_huge_cells() {
     );
 }
 
+/// The ways that are tested against diagonals.
+fn by_diagonals(genes: &mut Genes<'_>, _: &Case) -> Way {
+    match genes.below(2) {
+        0 => Way::Alone,
+        _ => Way::InTurns(genes.below(PACKET as u64)),
+    }
+}
+
 #[test]
 fn diagonals_of_strands() {
-    let alone = |_: &mut Genes<'_>, _: &Case| Way::Alone;
-    hunt("diagonals", (-10, 10), 50, 0.03, (true, true), alone);
+    hunt("diagonals", (-10, 10), 50, 0.03, (true, true), by_diagonals);
 }
 
 #[test]
 fn diagonals_of_tiny_and_huge_strands() {
-    let alone = |_: &mut Genes<'_>, _: &Case| Way::Alone;
     let what = "diagonals of any size";
-    hunt(what, (-149, 58), 60, 0.03, (true, true), alone);
+    hunt(what, (-149, 58), 60, 0.03, (true, true), by_diagonals);
 }
 
 #[test]
