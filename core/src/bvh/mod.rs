@@ -22,7 +22,7 @@
 //! ([`frame`]): the identity (an AABB) or a rotation, chosen where surface-area cost says that it pays, for single
 //! blocks ([`bound`]), whose frames follow a normal that turns ([`turn`]), and for subtrees over strands ([`orient`]).
 //! What does not move stores no second bounds: all nodes are generic over [`node::Bounds8`]. Boxes of parts of strands have
-//! diagonals ([`diagonal`]), which rays that are traced one by one are tested against as well.
+//! diagonals ([`diagonal`]), which rays that are traced one by one, or in turns, are tested against as well.
 //!
 //! **Curves.** Where raised chords bound motion badly, trees are built in a space that moves along with the
 //! object, or for halves of the shutter ([`relative`]).
