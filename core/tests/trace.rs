@@ -114,6 +114,56 @@ fn strands_beside_a_ray_are_not_tested() {
     }
 }
 
+/// In one object, combed strands, whose nodes have frames, and others, whose nodes have none but diagonals.
+#[test]
+fn rays_that_go_all_ways_know_the_frames_of_nodes() {
+    for seed in 0..6 {
+        let mut rng = Rng(100 + seed);
+        let (n, width) = (5000, [0.02, 0.006, 0.003][rng.below(3)]);
+        let who: Vec<_> = (0..n)
+            .map(|g| {
+                let root = Vec3::new(rng.signed(), rng.signed(), 0.0) * 0.4;
+                let combed = (Vec3::new(0.9, 0.6, 0.4) + rng.cube() * 0.06) * 0.25;
+                let (root, way) = match g % 4 {
+                    0 => (root, combed),
+                    _ => (rng.cube(), rng.direction() * 0.3),
+                };
+                (root, way, rng.direction() * width)
+            })
+            .collect();
+        let rate = if seed % 2 == 0 { (1, 16) } else { (16, 1) };
+        let strands = mesh(
+            &vec![rate; n],
+            &keys([1, 1, 5][seed as usize % 3]),
+            |g, u, v, t| {
+                let (root, way, side) = who[g];
+                let (across, along) = if rate.0 > 1 { (v, u) } else { (u, v) };
+                let p = root + way * along + side * ((across - 0.5) * (1.0 - 0.9 * along));
+                glam::Quat::from_rotation_z(2.5 * t) * p
+            },
+        );
+        let world = world_of(strands);
+        let rays: Vec<Ray> = (0..PACKET * 40)
+            .map(|_| {
+                let at =
+                    Vec3::new(rng.signed(), rng.signed(), 0.0) * 0.4 + Vec3::Z * 0.1 * rng.unit();
+                let from = rng.direction() * (0.05 + rng.unit());
+                ray(at + from, -from * (0.1 + rng.unit()), rng.unit())
+            })
+            .collect();
+        for level in Level::available() {
+            let world = world.clone().with_level(level);
+            let mut hits = vec![Hit::MISS; rays.len()];
+            world.trace_many(&rays, &mut hits, &mut TraceCounts::default());
+            for (ray, hit) in rays.iter().zip(&hits) {
+                let alone = world.trace(ray, &mut TraceCounts::default());
+                assert_eq!(alone, *hit, "{seed} {} {ray:?}", level.name());
+            }
+            assert!(hits.iter().filter(|hit| hit.is_hit()).count() > 500);
+        }
+    }
+}
+
 fn spinning(n: usize, turn: f64, scale: DVec3, at: DVec3) -> InstanceTransform {
     let key_times = keys(n);
     let matrices = key_times

@@ -53,7 +53,7 @@ pub struct BlockTree<B: Bounds8> {
     pub blocks: Vec<Block<B>>,
     /// Most nodes have [diagonals](super::diagonal), and no frame of their own.
     pub diagonals: bool,
-    /// Most items are parts of strands.
+    /// Most items are parts of strands, longer than a group: of [strips](super::block::is_strip).
     pub strands: bool,
 }
 

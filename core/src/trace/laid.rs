@@ -1,8 +1,10 @@
 //! A ray laid out for slab tests against 8 children: near planes in the first half of a vector, far planes, mirrored, in the
-//! second. One product and one sum an end are all that the planes of an axis cost then, and both the latest near plane
-//! and the earliest far one are a maximum.
+//! second. A plane's number and its origin are multiplied by what the ray has for both halves and added up, and the latest near plane
+//! and the earliest far one are one maximum.
 //!
-//! A plane's terms are those of [`crate::bvh::node::SlabRay`], in the order that [`super::object_ray`] derives pads for.
+//! A plane's terms are those of [`crate::bvh::node::SlabRay`], for which [`super::object_ray`] derives pads, but the ray's own comes first:
+//! the three sums before the last are of up to R + |o|, at most `20 R + 8 |o|` for all terms in place of `20 R + 7 |o|`. In a
+//! rotated frame that is less than the 34.7 there, since sqrt(3) is the share of R alone.
 
 use hdtrapeze_simd::{Float, Mask, Simd};
 

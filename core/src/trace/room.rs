@@ -94,7 +94,7 @@ impl Room {
     pub fn take(&mut self) -> Box<Space> {
         let mut space = self.spaces.pop().unwrap_or_else(new_space);
         if cfg!(debug_assertions) {
-            *space = Space::SPOILED;
+            spoil(&mut space);
         }
         space
     }
@@ -110,6 +110,13 @@ impl Room {
 #[inline(never)]
 fn new_queries() -> Box<Queries> {
     Box::new(Queries::NONE)
+}
+
+/// Apart, so that what is so large is copied in one place of the code.
+#[cold]
+#[inline(never)]
+fn spoil(space: &mut Space) {
+    *space = Space::SPOILED;
 }
 
 #[cold]

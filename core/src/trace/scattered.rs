@@ -390,7 +390,7 @@ mod tests {
     fn rays_in_turns_hit_what_they_hit_alone() {
         for keys in [1, 2, 4] {
             // Of 9, the last part is a single micropolygon.
-            for (along, length) in [(false, 9), (true, 9), (false, 2), (true, 16)] {
+            for (along, length) in [(false, 9), (true, 9), (false, 3), (true, 16)] {
                 let world = strands(3000, length, along, keys);
                 let state = &mut 11;
                 let rays: Vec<Ray> = (0..40 * PACKET)

@@ -1,7 +1,7 @@
 //! Parts of strands that wait, each for one ray: 8 of them are tested at once, whoever they wait for.
 //!
 //! A packet of rays that go one way brings many of them to each part ([`super::two_cells`]); rays that have little in common
-//! come alone, and a part of two micropolygons fills a quarter of a vector. So parts wait until some rays have come to some. The
+//! come alone, and a part of two micropolygons fills a quarter of a vector. So parts wait until there are eight. The
 //! operations are those of [`super::cell`] in the same order, so hits are the same.
 
 use hdtrapeze_simd::{Float, Mask, Simd};
@@ -58,7 +58,7 @@ impl Waits {
     }
 
     /// Adds the cells `rect` of grid `g`, the [loose](crate::bvh::block::loose) part of a strand, for a ray that goes through
-    /// the segment `key` of `KEYS` or less, and asks for it from memory. False where it is no such part.
+    /// the segment of keys `key`, and asks for its vertices at `KEYS` keys from memory. False where it is no such part.
     #[inline(always)]
     pub fn add<S: Simd, const KEYS: usize>(
         &mut self,
