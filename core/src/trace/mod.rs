@@ -12,6 +12,7 @@ pub mod cell_rays;
 pub mod deferred;
 pub mod enter;
 pub mod enter_block;
+mod in_turns;
 mod inside;
 pub mod instance;
 pub mod laid;

@@ -195,6 +195,8 @@ impl Items {
             simd.kept(mask, simd.all8(0.0), children, &mut no_distances, items);
             *rays = [ray as u32; 8];
             self.count += mask.count_ones() as usize;
+        } else {
+            debug_assert!(false, "there is room for all items of a step");
         }
     }
 }

@@ -7,10 +7,10 @@
 use hdtrapeze_simd::{Float, Mask, Part, Simd};
 
 use super::beam::{BEAM_RAYS, Beam};
-use super::cell::CellHit;
 use super::cell_rays::CellRays;
 use super::enter::{Entered, Spans, by_child_pays, enter_few, enter_packet};
 use super::enter_block::enter_block;
+use super::in_turns::InTurns;
 use super::packet::{
     All, Form, LANES, Lanes, PACKET, Packet, Ranges, Rays, Record, Slabs, VECTORS, in_turns, part,
     split,
@@ -18,9 +18,7 @@ use super::packet::{
 use super::pairs::{Pairs, expect};
 use super::relative::SeenMany;
 use super::room::{Room, Space};
-use super::scattered::{Turns, walk_scattered};
 use super::traverse::Target;
-use super::waits::Waits;
 use super::{Hit, TraceCounts, two_cells};
 use crate::bvh::block::{Block, CellRect, loose};
 use crate::bvh::object::{BlockTree, loose_group};
@@ -117,7 +115,7 @@ impl Queries {
     }
 
     #[inline(always)]
-    fn count_cells<S: Simd>(&mut self, simd: S, rays: u64, rect: CellRect) {
+    pub fn count_cells<S: Simd>(&mut self, simd: S, rays: u64, rect: CellRect) {
         let cells = u16::from(rect.w) * u16::from(rect.h);
         self.counts.cell_tests += u64::from(rays.count_ones()) * u64::from(cells);
         if self.each {
@@ -169,7 +167,7 @@ impl Queries {
 
     /// A hit of a ray.
     #[inline(always)]
-    fn offer(&mut self, ray: usize, hit: Hit) {
+    pub fn offer(&mut self, ray: usize, hit: Hit) {
         let (v, lane) = split(ray);
         let best = &mut self.best[ray & (PACKET - 1)];
         // Written so that NaN is refused.
@@ -349,7 +347,7 @@ impl<S: Simd, B: Bounds8> Part<S> for InTree<'_, B> {
 }
 
 /// Room for a packet in the frames of blocks.
-struct InBlock<'a> {
+pub(super) struct InBlock<'a> {
     /// For its rays in one of them.
     turned: &'a mut Slabs,
     /// For what they are turned from.
@@ -385,99 +383,6 @@ impl<S: Simd, B: Bounds8> Part<S> for BlockItem<'_, '_, '_, '_, S, B> {
             queries,
         } = self;
         target.block_packet(block, rays, packet, room, cells, pairs, queries);
-    }
-}
-
-/// A packet of rays that have little in common, [apart](Simd::apart).
-struct Scattered<'a, 't, 'p, 'r, S: Simd, B: Bounds8> {
-    target: &'a Target<'t, S, B, false>,
-    packet: &'a Packet<'p, S>,
-    room: (&'a mut [Record; PACKET], &'a mut Slabs, &'a mut Turns),
-    in_block: &'a mut InBlock<'r>,
-    cells: &'a CellRays,
-    pairs: &'a mut Pairs,
-    queries: &'a mut Queries,
-}
-
-impl<S: Simd, B: Bounds8> Part<S> for Scattered<'_, '_, '_, '_, S, B> {
-    /// Rays that were not traced to their end.
-    type Output = u64;
-    #[inline(always)]
-    fn run(self, _: S) -> u64 {
-        let Self {
-            target,
-            packet,
-            room,
-            in_block,
-            cells,
-            pairs,
-            queries,
-        } = self;
-        target.scattered(packet, room, in_block, cells, pairs, queries)
-    }
-}
-
-/// An item that is no part of a strand, and one ray, [apart](Simd::apart).
-struct OtherItem<'a, 't, 'p, 'r, S: Simd, B: Bounds8> {
-    target: &'a Target<'t, S, B, false>,
-    item: u32,
-    ray: usize,
-    packet: &'a Packet<'p, S>,
-    in_block: &'a mut InBlock<'r>,
-    cells: &'a CellRays,
-    pairs: &'a mut Pairs,
-    queries: &'a mut Queries,
-}
-
-impl<S: Simd, B: Bounds8> Part<S> for OtherItem<'_, '_, '_, '_, S, B> {
-    type Output = ();
-    #[inline(always)]
-    fn run(self, _: S) {
-        let Self {
-            target,
-            item,
-            ray,
-            packet,
-            in_block,
-            cells,
-            pairs,
-            queries,
-        } = self;
-        target.item_packet(item, 1 << ray, packet, in_block, cells, pairs, queries);
-    }
-}
-
-/// Parts of strands that wait for rays, [apart](Simd::apart).
-struct TestWaits<'a, 't, S: Simd, B: Bounds8> {
-    target: &'a Target<'t, S, B, false>,
-    waits: &'a mut Waits,
-    cells: &'a CellRays,
-    queries: &'a mut Queries,
-}
-
-impl<S: Simd, B: Bounds8> Part<S> for TestWaits<'_, '_, S, B> {
-    /// The rays that found something.
-    type Output = u64;
-    #[inline(always)]
-    fn run(self, simd: S) -> u64 {
-        let Self {
-            target,
-            waits,
-            cells,
-            queries,
-        } = self;
-        let (mesh, instance) = (target.mesh, target.instance);
-        let mut found = 0;
-        let accept = |ray: usize, grid: u32, cell: u32, hit: CellHit| {
-            queries.offer(ray, hit.of(instance, grid, cell));
-            found |= 1 << ray;
-        };
-        if B::KEYS {
-            waits.test::<S, true>(simd, cells, mesh, accept);
-        } else {
-            waits.test::<S, false>(simd, cells, mesh, accept);
-        }
-        found
     }
 }
 
@@ -530,7 +435,7 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
             ready: false,
         };
         if scattered {
-            packet.sound = self.simd.apart(Scattered {
+            packet.sound = self.simd.apart(InTurns {
                 target: self,
                 packet: &packet,
                 room: (&mut *turns_records, &mut *turned, turns),
@@ -568,78 +473,10 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
         room.give_back(space);
     }
 
-    /// Traces the rays of a packet in turns; those that were not traced to their end are given.
-    #[inline(always)]
-    fn scattered(
-        &self,
-        packet: &Packet<'_, S>,
-        (records, turned, turns): (&mut [Record; PACKET], &mut Slabs, &mut Turns),
-        in_block: &mut InBlock<'_>,
-        cells: &CellRays,
-        pairs: &mut Pairs,
-        queries: &mut Queries,
-    ) -> u64 {
-        let (simd, mesh, blocks) = (self.simd, self.mesh, self.blocks);
-        let mut waits = Waits::default();
-        let left_out = walk_scattered(
-            simd,
-            (&blocks.tree, blocks.diagonals),
-            packet,
-            (records, turned),
-            turns,
-            queries,
-            #[inline(always)]
-            |item, ray, queries| {
-                let mut found = 0;
-                if let Some((grid, slot)) = loose_group(item) {
-                    if waits.is_full() {
-                        found = self.test_waits(&mut waits, cells, queries);
-                    }
-                    let traced = mesh.traced(grid);
-                    let (rect, grid) = (loose(&traced, slot), (grid, &traced));
-                    let added = if B::KEYS {
-                        let key = cells.key[ray & (PACKET - 1)];
-                        waits.add::<S, 2>(simd, mesh, grid, rect, (ray, key))
-                    } else {
-                        waits.add::<S, 1>(simd, mesh, grid, rect, (ray, 0))
-                    };
-                    if added {
-                        queries.count_cells(simd, 1 << ray, rect);
-                        return found;
-                    }
-                }
-                simd.apart(OtherItem {
-                    target: self,
-                    item,
-                    ray,
-                    packet,
-                    in_block: &mut *in_block,
-                    cells,
-                    pairs: &mut *pairs,
-                    queries,
-                });
-                found | 1 << ray
-            },
-        );
-        self.test_waits(&mut waits, cells, queries);
-        left_out
-    }
-
-    /// Tests parts of strands that wait; gives the rays that found something.
-    #[inline(always)]
-    fn test_waits(&self, waits: &mut Waits, cells: &CellRays, queries: &mut Queries) -> u64 {
-        self.simd.apart(TestWaits {
-            target: self,
-            waits,
-            cells,
-            queries,
-        })
-    }
-
     /// Tests one item of the tree: a loose group or a block.
     #[inline(always)]
     #[allow(clippy::too_many_arguments)] // one call, inlined
-    fn item_packet(
+    pub(super) fn item_packet(
         &self,
         item: u32,
         rays: u64,

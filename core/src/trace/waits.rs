@@ -15,13 +15,14 @@ use crate::grid::planar::STRIP;
 use crate::grid::{Grid, PlanarMesh};
 
 /// Parts that are tested at once.
-const LANES: usize = 8;
+const PARTS: usize = 8;
 
 /// Vertices of a part: 3 stations along the strand, x before y before z of both sides; and a pair of floats without meaning, so
 /// that any axis below 4 of any station is in there.
 const FLOATS: usize = STRIP + 2;
 
-/// Axes in the order x, y, z of a sheared space, by the one that is z; see [`super::cell::CellRay`].
+/// Axes in the order x, y, z of a sheared space, by the one that is z, as [`super::packet::axes_with`] has them: looked up, since
+/// eight rays of different axes are as many branches that nobody guesses.
 static AXES: [[u8; 3]; 4] = [[1, 2, 0], [2, 0, 1], [0, 1, 2], [0, 1, 2]];
 
 /// A part of a strand that waits for a ray.
@@ -29,8 +30,8 @@ static AXES: [[u8; 3]; 4] = [[1, 2, 0], [2, 0, 1], [0, 1, 2], [0, 1, 2]];
 struct Wait {
     /// Where its vertices are.
     first: usize,
-    /// From key to key.
-    key: u32,
+    /// Floats from key to key.
+    stride: u32,
     grid: u32,
     /// Its first micropolygon.
     cell: u16,
@@ -47,14 +48,14 @@ struct Wait {
 #[derive(Clone, Debug, Default)]
 pub struct Waits {
     count: usize,
-    waits: [Wait; LANES],
+    waits: [Wait; PARTS],
 }
 
 impl Waits {
     /// True when they have to be tested before another is added.
     #[inline(always)]
     pub fn is_full(&self) -> bool {
-        self.count >= LANES
+        self.count >= PARTS
     }
 
     /// Adds the cells `rect` of grid `g`, the [loose](crate::bvh::block::loose) part of a strand, for a ray that goes through
@@ -93,9 +94,9 @@ impl Waits {
                 simd.expect(floats, at.wrapping_add(STRIP - 1));
             }
         }
-        self.waits[self.count & (LANES - 1)] = Wait {
+        self.waits[self.count & (PARTS - 1)] = Wait {
             first,
-            key: stride as u32,
+            stride: stride as u32,
             grid: g,
             cell: u16::from(rect.i.max(rect.j)),
             columns,
@@ -116,14 +117,17 @@ impl Waits {
         mesh: &PlanarMesh,
         mut accept: impl FnMut(usize, u32, u32, CellHit),
     ) {
-        let count = self.count.min(LANES);
+        let count = self.count.min(PARTS);
         self.count = 0;
+        if count == 0 {
+            return;
+        }
         // Any part where there are fewer, whose lanes do not count.
         let lanes = (1u32 << count) - 1;
         let zero = simd.all8(0.0);
-        let mut eight = [zero; LANES];
-        let mut axes = [[0u8; 3]; LANES];
-        for k in 0..LANES {
+        let mut eight = [zero; PARTS];
+        let mut axes = [[0u8; 3]; PARTS];
+        for k in 0..PARTS {
             let ray = usize::from(self.waits[k].ray) & (PACKET - 1);
             eight[k] = simd.from8(&cells.rays[ray]);
             axes[k] = AXES[usize::from(cells.z_axis[ray]) & 3];
@@ -151,7 +155,7 @@ impl Waits {
         if !all.bits() & lanes == 0 {
             return;
         }
-        let (mut sx, mut sy, mut sz) = ([[0.0; LANES]; 6], [[0.0; LANES]; 6], [[0.0; LANES]; 6]);
+        let (mut sx, mut sy, mut sz) = ([[0.0; PARTS]; 6], [[0.0; PARTS]; 6], [[0.0; PARTS]; 6]);
         for k in 0..6 {
             (sx[k], sy[k], sz[k]) = (x[k].to_array(), y[k].to_array(), z[k].to_array());
         }
@@ -165,7 +169,7 @@ impl Waits {
             let in_second = i >= 2;
             let mut found = !missed & lanes;
             while found != 0 {
-                let lane = found.trailing_zeros() as usize & (LANES - 1);
+                let lane = found.trailing_zeros() as usize & (PARTS - 1);
                 found &= found - 1;
                 let wait = &self.waits[lane];
                 if in_second && !wait.two {
@@ -195,14 +199,15 @@ impl Waits {
         &self,
         simd: S,
         mesh: &PlanarMesh,
-        axes: &[[u8; 3]; LANES],
+        axes: &[[u8; 3]; PARTS],
         next: bool,
     ) -> [[[S::F8; 2]; 3]; 3] {
         let floats = mesh.floats();
-        let mut rooms = [[0.0; FLOATS]; LANES];
-        let mut places = [&NOWHERE; LANES];
+        let mut rooms = [[0.0; FLOATS]; PARTS];
+        let mut places = [&NOWHERE; PARTS];
         for ((place, room), wait) in places.iter_mut().zip(&mut rooms).zip(&self.waits) {
-            let first = wait.first + if next { wait.key as usize } else { 0 };
+            let first = wait.first + if next { wait.stride as usize } else { 0 };
+            debug_assert!(first + STRIP <= floats.len());
             let floats = floats.get(first..).unwrap_or_default();
             if wait.along_rows {
                 wait.gather(floats, room);
@@ -215,8 +220,8 @@ impl Waits {
         let mut at = [[[simd.all8(0.0); 2]; 3]; 3];
         for (station, at) in at.iter_mut().enumerate() {
             for (a, at) in at.iter_mut().enumerate() {
-                let mut pairs = [&[0.0; 2]; LANES];
-                for k in 0..LANES {
+                let mut pairs = [&[0.0; 2]; PARTS];
+                for k in 0..PARTS {
                     let (all, _) = places[k].as_chunks();
                     pairs[k] = &all[3 * station + usize::from(axes[k][a] & 3)];
                 }
