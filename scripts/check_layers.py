@@ -1,6 +1,7 @@
 """Holds the direction of imports between the workspace's crates.
 
-shaders <- core <- core/gpu <- delegate <- ffi/capi, core/simd <- core, core <- ffi/osd <- ffi/capi.
+shaders <- core <- core/gpu <- delegate <- ffi/capi, core <- ffi/osd <- ffi/capi,
+core/simd <- core, core/pages <- core.
 Reads `cargo metadata`, so dependencies of every kind count (normal, build and dev). Also: wgpu
 belongs to core/gpu alone; cxx to ffi/osd alone; no crate is called `core`, which would shadow
 Rust's own; C and C++ outside ffi see only hdtrapeze.h.
@@ -23,7 +24,8 @@ PREFIX = "hdtrapeze-"
 ALLOWED = {
     "hdtrapeze-shaders": set(),
     "hdtrapeze-simd": set(),
-    "hdtrapeze-core": {"hdtrapeze-shaders", "hdtrapeze-simd"},
+    "hdtrapeze-pages": set(),
+    "hdtrapeze-core": {"hdtrapeze-shaders", "hdtrapeze-simd", "hdtrapeze-pages"},
     "hdtrapeze-osd": {"hdtrapeze-core"},
     "hdtrapeze-gpu": {"hdtrapeze-core", "hdtrapeze-shaders"},
     "hdtrapeze-delegate": {"hdtrapeze-core", "hdtrapeze-gpu"},

@@ -22,7 +22,7 @@ def package(name, *dependencies, lib=None):
 def test_the_intended_direction_passes():
     packages = [
         package("hdtrapeze-shaders", "bytemuck"),
-        package("hdtrapeze-core", "hdtrapeze-simd"),
+        package("hdtrapeze-core", "hdtrapeze-simd", "hdtrapeze-pages"),
         package("hdtrapeze-gpu", "hdtrapeze-core", "hdtrapeze-shaders", "wgpu"),
         package("hdtrapeze-osd", "hdtrapeze-core", "cxx"),
         package("hdtrapeze-delegate", "hdtrapeze-core", "hdtrapeze-gpu"),

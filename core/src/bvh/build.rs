@@ -126,7 +126,7 @@ pub fn build_sorted<B: Bounds8>(
         [] => {}
         [item] => tree.root = Tree::<B>::LEAF | item.id(),
         items => {
-            tree.nodes.reserve(items.len() / 4 + 1);
+            hdtrapeze_pages::reserve(&mut tree.nodes, items.len() / 4 + 1);
             tree.root = build_node(&mut tree, items, (extent, known.as_deref()), below);
         }
     }

@@ -134,8 +134,12 @@ pub fn coarse<H: Hull>(level: Level, parts: &[Vec<Sorted<H>>]) -> Coarse<H> {
     for cell in &cells {
         sorted.extend_from_slice(&order[cell.first as usize..][..cell.count as usize]);
     }
+    let mut items = Vec::new();
+    hdtrapeze_pages::reserve(&mut items, sorted.len());
+    let item = |&i: &u32| *chunks.item(i);
+    sorted.par_iter().map(item).collect_into_vec(&mut items);
     Coarse {
-        items: sorted.par_iter().map(|&i| *chunks.item(i)).collect(),
+        items,
         extent,
         known,
     }

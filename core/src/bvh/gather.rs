@@ -169,7 +169,8 @@ pub struct Gathered<B: Bounds8> {
 /// Joins parts, in their order.
 pub fn joined<B: Bounds8>(parts: Vec<Part<B>>) -> Gathered<B> {
     let sum = |count: fn(&Part<B>) -> usize| parts.iter().map(count).sum::<usize>();
-    let mut blocks = Vec::with_capacity(sum(|p| p.blocks.len()));
+    let mut blocks = Vec::new();
+    hdtrapeze_pages::reserve(&mut blocks, sum(|p| p.blocks.len()));
     let mut items = Vec::with_capacity(parts.len());
     let mut frames = Vec::with_capacity(sum(|p| p.frames.len()) + 1);
     frames.push(B::Turning::IDENTITY);

@@ -17,6 +17,8 @@
 //! two triangles split by the diagonal `(i,j)-(i+1,j+1)`; cell number `j * nu + i`. Cells may be
 //! degenerate (stitching copies vertices).
 
+use std::collections::TryReserveError;
+
 use glam::{DVec3, Vec3};
 
 /// One micropolygon grid.
@@ -91,6 +93,18 @@ impl DicedMesh {
     /// Number of position keys.
     pub fn key_count(&self) -> usize {
         self.key_times.len()
+    }
+    /// Makes room for the positions of `count` vertices in all, at all keys, where rays are quick to find them: in large pages
+    /// of memory. Key times are known by then.
+    ///
+    /// # Errors
+    /// There is no such room.
+    pub fn reserve_positions(&mut self, count: usize) -> Result<(), TryReserveError> {
+        let all = count * self.key_count() + planar::PAD.div_ceil(3);
+        self.positions
+            .try_reserve_exact(all.saturating_sub(self.positions.len()))?;
+        hdtrapeze_pages::expect_large(&mut self.positions);
+        Ok(())
     }
     /// True when vertices move within the shutter.
     pub fn is_moving(&self) -> bool {

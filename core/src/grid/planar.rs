@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use super::{DicedMesh, Grid, GridChannel, MAX_GRID_RATE, sound_grids};
 
 /// Floats after the last row: of any row of micropolygons, 8 floats from both rows of vertices and one more stay inside.
-const PAD: usize = 3 * (MAX_GRID_RATE as usize + 1) + 8;
+pub(super) const PAD: usize = 3 * (MAX_GRID_RATE as usize + 1) + 8;
 
 /// One object's grids, ready to be traced. Fields that [`DicedMesh`] has too mean the same.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -432,6 +432,33 @@ impl PlanarMesh {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Moved, they would lose their large pages.
+    #[test]
+    fn positions_that_have_room_stay_where_they_are() {
+        let mut mesh = DicedMesh {
+            key_times: vec![0.0, 1.0],
+            ..DicedMesh::default()
+        };
+        let count = 17 * 17 * 5000;
+        mesh.reserve_positions(count).expect("there is room");
+        let at = mesh.positions.as_ptr().addr();
+        let room = 3 * mesh.positions.capacity();
+        assert!(room >= 3 * 2 * count + PAD, "{room}");
+        mesh.positions.resize(2 * count, Vec3::ONE);
+        mesh.grids = (0..5000)
+            .map(|g| Grid {
+                first_vertex: 17 * 17 * g,
+                element: 0,
+                nu: 16,
+                nv: 16,
+            })
+            .collect();
+        mesh.vertex_count = count;
+        let mesh = PlanarMesh::from(mesh);
+        assert_eq!(mesh.floats.as_ptr().addr(), at);
+        assert_eq!(mesh.position(4999, 1, 288), Vec3::ONE);
+    }
 
     #[test]
     fn traced_grids_are_those_of_the_mesh() {

@@ -60,6 +60,9 @@ pub fn mesh(
         key_times: keys.to_vec(),
         ..DicedMesh::default()
     };
+    let count = |&(nu, nv): &(u16, u16)| usize::from(nu + 1) * usize::from(nv + 1);
+    mesh.reserve_positions(rates.iter().map(count).sum())
+        .expect("there is room");
     for (g, &(nu, nv)) in rates.iter().enumerate() {
         let grid = Grid {
             first_vertex: mesh.vertex_count as u32,

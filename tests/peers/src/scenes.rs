@@ -74,21 +74,23 @@ impl Family {
 
 /// A mesh of two keys as it is at one instant.
 pub fn frozen(mesh: &DicedMesh, time: f32) -> DicedMesh {
-    let mut positions = Vec::with_capacity(mesh.vertex_count);
+    let mut out = DicedMesh {
+        key_times: vec![0.0],
+        grids: mesh.grids.clone(),
+        vertex_count: mesh.vertex_count,
+        ..DicedMesh::default()
+    };
+    out.reserve_positions(mesh.vertex_count)
+        .expect("there is room");
     for g in 0..mesh.grids.len() {
         let ends = mesh
             .grid_positions(g, 0)
             .iter()
             .zip(mesh.grid_positions(g, 1));
-        positions.extend(ends.map(|(&a, &b)| lerp_position(a, b, time)));
+        out.positions
+            .extend(ends.map(|(&a, &b)| lerp_position(a, b, time)));
     }
-    DicedMesh {
-        key_times: vec![0.0],
-        grids: mesh.grids.clone(),
-        vertex_count: mesh.vertex_count,
-        positions,
-        ..DicedMesh::default()
-    }
+    out
 }
 
 /// Vertices, a buffer a key, rows of each lattice in reverse.
