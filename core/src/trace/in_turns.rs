@@ -11,9 +11,9 @@ use super::scattered::{Turns, walk_scattered};
 use super::traverse::Target;
 use super::traverse_packet::{InBlock, Queries};
 use super::waits::Waits;
-use crate::bvh::Bounds8;
 use crate::bvh::block::loose;
 use crate::bvh::object::loose_group;
+use crate::bvh::{Bounds8, Tree};
 
 /// A packet of rays that have little in common, [apart](Simd::apart).
 pub(super) struct InTurns<'a, 't, 'p, 'r, S: Simd, B: Bounds8> {
@@ -131,39 +131,53 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
             turns,
             queries,
             #[inline(always)]
-            |item, ray, queries| {
+            |items, queries| {
                 let mut found = 0;
-                if let Some((grid, slot)) = loose_group(item) {
-                    if waits.is_full() {
-                        found = self.test_waits(&mut waits, cells, queries);
-                    }
-                    let traced = mesh.traced(grid);
-                    let (rect, grid) = (loose(&traced, slot), (grid, &traced));
-                    let added = if B::KEYS {
-                        let key = cells.key[ray & (PACKET - 1)];
-                        waits.add::<S, 2>(simd, mesh, grid, rect, (ray, key))
-                    } else {
-                        waits.add::<S, 1>(simd, mesh, grid, rect, (ray, 0))
-                    };
-                    if added {
-                        queries.count_cells(simd, 1 << ray, rect);
-                        return found;
-                    }
+                // After a step more than they need, so that their vertices are there.
+                if waits.are_enough() {
+                    found |= self.test_waits(&mut waits, cells, queries);
                 }
-                simd.apart(OtherItem {
-                    target: self,
-                    item,
-                    ray,
-                    packet,
-                    in_block: &mut *in_block,
-                    cells,
-                    pairs: &mut *pairs,
-                    queries,
-                });
-                found | 1 << ray
+                for (item, ray, near) in items.each() {
+                    if queries.is_beyond(ray, near) {
+                        // What was found meanwhile is nearer.
+                        continue;
+                    }
+                    let item = item & !Tree::<B>::LEAF;
+                    if let Some((grid, slot)) = loose_group(item) {
+                        if waits.are_full() {
+                            found |= self.test_waits(&mut waits, cells, queries);
+                        }
+                        let traced = mesh.traced(grid);
+                        let (rect, grid) = (loose(&traced, slot), (grid, &traced));
+                        let added = if B::KEYS {
+                            let key = cells.key[ray & (PACKET - 1)];
+                            waits.add::<S, 2>(simd, mesh, grid, rect, (ray, key))
+                        } else {
+                            waits.add::<S, 1>(simd, mesh, grid, rect, (ray, 0))
+                        };
+                        if added {
+                            queries.count_cells(simd, 1 << ray, rect);
+                            continue;
+                        }
+                    }
+                    simd.apart(OtherItem {
+                        target: self,
+                        item,
+                        ray,
+                        packet,
+                        in_block: &mut *in_block,
+                        cells,
+                        pairs: &mut *pairs,
+                        queries,
+                    });
+                    found |= 1 << ray;
+                }
+                found
             },
         );
-        self.test_waits(&mut waits, cells, queries);
+        while !waits.are_none() {
+            self.test_waits(&mut waits, cells, queries);
+        }
         left_out
     }
 

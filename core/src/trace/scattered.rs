@@ -166,10 +166,11 @@ impl Live {
 const ITEMS: usize = 8 * TURNS + 8;
 
 /// Items that rays have come to.
-struct Items {
+pub(super) struct Items {
     count: usize,
     items: [u32; ITEMS],
     rays: [u32; ITEMS],
+    near: [f32; ITEMS],
 }
 
 impl Items {
@@ -177,23 +178,28 @@ impl Items {
         count: 0,
         items: [0; ITEMS],
         rays: [0; ITEMS],
+        near: [0.0; ITEMS],
     };
+
+    /// Items, by reference, the ray that may hit each, and where it enters.
+    #[inline(always)]
+    pub fn each(&self) -> impl Iterator<Item = (u32, usize, f32)> {
+        let items = self.items[..self.count.min(ITEMS)].iter().zip(&self.rays);
+        let one = |((&item, &ray), &near)| (item, ray as usize & (PACKET - 1), near);
+        items.zip(&self.near).map(one)
+    }
 
     /// Those of 8 children whose bits are set.
     #[inline(always)]
-    fn push<S: Simd>(&mut self, simd: S, mask: u32, children: &[u32; 8], ray: usize) {
-        let items = self
-            .items
-            .get_mut(self.count..)
-            .and_then(<[u32]>::first_chunk_mut);
-        let rays = self
-            .rays
-            .get_mut(self.count..)
-            .and_then(<[u32]>::first_chunk_mut);
-        if let (Some(items), Some(rays)) = (items, rays) {
-            let mut no_distances = [0.0; 8];
-            simd.kept(mask, simd.all8(0.0), children, &mut no_distances, items);
-            *rays = [ray as u32; 8];
+    fn push<S: Simd>(&mut self, simd: S, mask: u32, children: &[u32; 8], track: &Track) {
+        let at = self.count;
+        let items = self.items.get_mut(at..).and_then(<[u32]>::first_chunk_mut);
+        let rays = self.rays.get_mut(at..).and_then(<[u32]>::first_chunk_mut);
+        let near = self.near.get_mut(at..).and_then(<[f32]>::first_chunk_mut);
+        if let (Some(items), Some(rays), Some(to)) = (items, rays, near) {
+            let near = simd.from8(&track.tested.near);
+            simd.kept(mask, near, children, to, items);
+            *rays = [track.ray as u32; 8];
             self.count += mask.count_ones() as usize;
         } else {
             debug_assert!(false, "there is room for all items of a step");
@@ -202,7 +208,8 @@ impl Items {
 }
 
 /// Walks a tree, whose items have diagonals or not, with the rays of a packet; `records` and `turned` are room for them.
-/// `leaf(item, ray, queries)` is called for items that a ray may hit, and gives the rays that have found something meanwhile.
+/// `take(items, queries)` is called after each step, with items and the rays that may hit them, or none, and gives the rays that
+/// have found something meanwhile.
 /// What it returns are the rays that were not traced to their end.
 #[inline(always)]
 #[allow(clippy::too_many_arguments)] // one call, inlined
@@ -213,7 +220,7 @@ pub(super) fn walk_scattered<S: Simd, B: Bounds8>(
     (records, turned): (&mut [Record; PACKET], &mut Slabs),
     Turns(tracks): &mut Turns,
     queries: &mut Queries,
-    mut leaf: impl FnMut(u32, usize, &mut Queries) -> u64,
+    mut take: impl FnMut(&Items, &mut Queries) -> u64,
 ) -> u64 {
     if tree.root & Tree::<B>::LEAF != 0 {
         // Nothing to walk: a single item, or none.
@@ -287,7 +294,7 @@ pub(super) fn walk_scattered<S: Simd, B: Bounds8>(
                 let laid = if turned { &track.turned } else { &track.own };
                 own = laid.near_diagonals(simd, node, &track.tested);
             }
-            items.push(simd, own, &node.children, track.ray);
+            items.push(simd, own, &node.children, track);
         }
         // Stacks.
         for k in 0..live.count {
@@ -301,14 +308,7 @@ pub(super) fn walk_scattered<S: Simd, B: Bounds8>(
             simd.expect(&tree.nodes, track.at as usize);
         }
         // Items.
-        let mut found = 0;
-        for (&item, &ray) in items.items[..items.count.min(ITEMS)]
-            .iter()
-            .zip(&items.rays)
-        {
-            let ray = ray as usize & (PACKET - 1);
-            found |= leaf(item & !Tree::<B>::LEAF, ray, queries);
-        }
+        let found = take(&items, queries);
         for k in 0..if found == 0 { 0 } else { live.count } {
             let track = &mut tracks[live.get(k)];
             if found >> track.ray & 1 == 1 {

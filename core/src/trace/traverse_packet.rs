@@ -123,6 +123,13 @@ impl Queries {
         }
     }
 
+    /// True where a ray has found something nearer than `t`, or looks no more.
+    #[inline(always)]
+    pub fn is_beyond(&self, ray: usize, t: f32) -> bool {
+        let (v, lane) = split(ray);
+        t > self.t_max[v][lane]
+    }
+
     /// A ray looks no farther than `t_max`.
     #[inline(always)]
     fn end(&mut self, ray: usize, t_max: f32) {

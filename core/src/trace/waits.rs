@@ -1,8 +1,8 @@
 //! Parts of strands that wait, each for one ray: 8 of them are tested at once, whoever they wait for.
 //!
 //! A packet of rays that go one way brings many of them to each part ([`super::two_cells`]); rays that have little in common
-//! come alone, and a part of two micropolygons fills a quarter of a vector. So parts wait until there are eight. The
-//! operations are those of [`super::cell`] in the same order, so hits are the same.
+//! come alone, and a part of two micropolygons fills a quarter of a vector. So parts wait until there are eight, and some time longer,
+//! in which their vertices come from memory. The operations are those of [`super::cell`] in the same order, so hits are the same.
 
 use hdtrapeze_simd::{Float, Mask, Simd};
 
@@ -44,18 +44,33 @@ struct Wait {
     along_rows: bool,
 }
 
-/// Parts that wait.
+/// Parts that wait, in two rooms which are filled in turns.
 #[derive(Clone, Debug, Default)]
 pub struct Waits {
+    rooms: [[Wait; PARTS]; 2],
+    /// The room that has waited longer.
+    older: usize,
+    /// Parts of both.
     count: usize,
-    waits: [Wait; PARTS],
 }
 
 impl Waits {
-    /// True when they have to be tested before another is added.
+    /// True when the next are enough for a test.
     #[inline(always)]
-    pub fn is_full(&self) -> bool {
+    pub fn are_enough(&self) -> bool {
         self.count >= PARTS
+    }
+
+    /// True when some have to be tested before another is added.
+    #[inline(always)]
+    pub fn are_full(&self) -> bool {
+        self.count >= 2 * PARTS
+    }
+
+    /// True when none are left.
+    #[inline(always)]
+    pub fn are_none(&self) -> bool {
+        self.count == 0
     }
 
     /// Adds the cells `rect` of grid `g`, the [loose](crate::bvh::block::loose) part of a strand, for a ray that goes through
@@ -94,7 +109,8 @@ impl Waits {
                 simd.expect(floats, at.wrapping_add(STRIP - 1));
             }
         }
-        self.waits[self.count & (PARTS - 1)] = Wait {
+        let room = self.older ^ (self.count / PARTS);
+        self.rooms[room & 1][self.count & (PARTS - 1)] = Wait {
             first,
             stride: stride as u32,
             grid: g,
@@ -108,7 +124,7 @@ impl Waits {
         true
     }
 
-    /// Tests all; calls `accept(ray, grid, cell, hit)` for every triangle hit, in no useful order.
+    /// Tests those that have waited longest, eight where there are so many; calls `accept(ray, grid, cell, hit)` for every triangle hit, in no useful order.
     #[inline(always)]
     pub fn test<S: Simd, const MOVING: bool>(
         &mut self,
@@ -118,24 +134,26 @@ impl Waits {
         mut accept: impl FnMut(usize, u32, u32, CellHit),
     ) {
         let count = self.count.min(PARTS);
-        self.count = 0;
         if count == 0 {
             return;
         }
+        let waits = &self.rooms[self.older & 1];
+        self.older ^= 1;
+        self.count -= count;
         // Any part where there are fewer, whose lanes do not count.
         let lanes = (1u32 << count) - 1;
         let zero = simd.all8(0.0);
         let mut eight = [zero; PARTS];
         let mut axes = [[0u8; 3]; PARTS];
         for k in 0..PARTS {
-            let ray = usize::from(self.waits[k].ray) & (PACKET - 1);
+            let ray = usize::from(waits[k].ray) & (PACKET - 1);
             eight[k] = simd.from8(&cells.rays[ray]);
             axes[k] = AXES[usize::from(cells.z_axis[ray]) & 3];
         }
         let [ox, oy, oz, fraction, slope_x, slope_y, ..] = simd.transposed(eight);
-        let mut at = self.vertices(simd, mesh, &axes, false);
+        let mut at = vertices(simd, mesh, waits, &axes, false);
         if MOVING {
-            let to = self.vertices(simd, mesh, &axes, true);
+            let to = vertices(simd, mesh, waits, &axes, true);
             for (at, to) in at.as_flattened_mut().iter_mut().zip(to.as_flattened()) {
                 for (at, to) in at.iter_mut().zip(to) {
                     *at = *at + (*to - *at) * fraction;
@@ -171,7 +189,7 @@ impl Waits {
             while found != 0 {
                 let lane = found.trailing_zeros() as usize & (PARTS - 1);
                 found &= found - 1;
-                let wait = &self.waits[lane];
+                let wait = &waits[lane];
                 if in_second && !wait.two {
                     continue;
                 }
@@ -191,45 +209,45 @@ impl Waits {
             }
         }
     }
+}
 
-    /// Coordinates of the vertices of all parts, at the first key of their segments or at the `next`:
-    /// `[station][axis][side]`.
-    #[inline(always)]
-    fn vertices<S: Simd>(
-        &self,
-        simd: S,
-        mesh: &PlanarMesh,
-        axes: &[[u8; 3]; PARTS],
-        next: bool,
-    ) -> [[[S::F8; 2]; 3]; 3] {
-        let floats = mesh.floats();
-        let mut rooms = [[0.0; FLOATS]; PARTS];
-        let mut places = [&NOWHERE; PARTS];
-        for ((place, room), wait) in places.iter_mut().zip(&mut rooms).zip(&self.waits) {
-            let first = wait.first + if next { wait.stride as usize } else { 0 };
-            debug_assert!(first + STRIP <= floats.len());
-            let floats = floats.get(first..).unwrap_or_default();
-            if wait.along_rows {
-                wait.gather(floats, room);
-                *place = room;
-            } else {
-                // It was there when it was added.
-                *place = floats.first_chunk().unwrap_or(&NOWHERE);
-            }
+/// Coordinates of the vertices of all parts, at the first key of their segments or at the `next`:
+/// `[station][axis][side]`.
+#[inline(always)]
+fn vertices<S: Simd>(
+    simd: S,
+    mesh: &PlanarMesh,
+    waits: &[Wait; PARTS],
+    axes: &[[u8; 3]; PARTS],
+    next: bool,
+) -> [[[S::F8; 2]; 3]; 3] {
+    let floats = mesh.floats();
+    let mut rooms = [[0.0; FLOATS]; PARTS];
+    let mut places = [&NOWHERE; PARTS];
+    for ((place, room), wait) in places.iter_mut().zip(&mut rooms).zip(waits) {
+        let first = wait.first + if next { wait.stride as usize } else { 0 };
+        debug_assert!(first + STRIP <= floats.len());
+        let floats = floats.get(first..).unwrap_or_default();
+        if wait.along_rows {
+            wait.gather(floats, room);
+            *place = room;
+        } else {
+            // It was there when it was added.
+            *place = floats.first_chunk().unwrap_or(&NOWHERE);
         }
-        let mut at = [[[simd.all8(0.0); 2]; 3]; 3];
-        for (station, at) in at.iter_mut().enumerate() {
-            for (a, at) in at.iter_mut().enumerate() {
-                let mut pairs = [&[0.0; 2]; PARTS];
-                for k in 0..PARTS {
-                    let (all, _) = places[k].as_chunks();
-                    pairs[k] = &all[3 * station + usize::from(axes[k][a] & 3)];
-                }
-                *at = simd.unzipped8(pairs);
-            }
-        }
-        at
     }
+    let mut at = [[[simd.all8(0.0); 2]; 3]; 3];
+    for (station, at) in at.iter_mut().enumerate() {
+        for (a, at) in at.iter_mut().enumerate() {
+            let mut pairs = [&[0.0; 2]; PARTS];
+            for k in 0..PARTS {
+                let (all, _) = places[k].as_chunks();
+                pairs[k] = &all[3 * station + usize::from(axes[k][a] & 3)];
+            }
+            *at = simd.unzipped8(pairs);
+        }
+    }
+    at
 }
 
 impl Wait {
