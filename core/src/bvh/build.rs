@@ -126,7 +126,9 @@ pub fn build_sorted<B: Bounds8>(
         [] => {}
         [item] => tree.root = Tree::<B>::LEAF | item.id(),
         items => {
-            hdtrapeze_pages::reserve(&mut tree.nodes, items.len() / 4 + 1);
+            if items.len() <= PARALLEL_ITEMS {
+                tree.nodes.reserve(items.len() / 4 + 1);
+            }
             tree.root = build_node(&mut tree, items, (extent, known.as_deref()), below);
         }
     }
@@ -280,6 +282,10 @@ fn build_node<B: Bounds8>(
                 subtree
             })
             .collect();
+        // Only the node over them is there yet.
+        let sum = |count: fn(&Tree<B>) -> usize| subtrees.iter().map(count).sum();
+        hdtrapeze_pages::reserve(&mut tree.nodes, sum(|tree| tree.nodes.len()));
+        hdtrapeze_pages::reserve(&mut tree.frames, sum(|tree| tree.frames.len() - 1));
         for (slot, subtree) in subtrees.into_iter().enumerate() {
             let child = tree.append(subtree);
             tree.nodes[index as usize].children[slot] = child;
@@ -363,6 +369,7 @@ mod tests {
         let n = 1_000_000;
         let tree = build((0..n).map(|i| (i, point(Vec3::ONE))));
         assert!(depth(&tree, tree.root) <= 8, "{}", depth(&tree, tree.root));
+        assert_ne!(hdtrapeze_pages::were_asked_for(&tree.nodes), Some(false));
         let mut all = Vec::new();
         items_below(&tree, tree.root, &mut all);
         all.sort_unstable();

@@ -131,11 +131,13 @@ pub fn fill(
         key_times: frame.key_times.to_vec(),
         grids: filled(total.grids, empty)?,
         vertex_count: total.vertices,
-        positions: filled(total.vertices * keys, Vec3::ZERO)?,
+        positions: Vec::new(),
         normal_key_count: frame.normal_keys,
         normals: filled(total.vertices * frame.normal_keys, 0)?,
         channels: Vec::with_capacity(frame.channels.len()),
     };
+    mesh.reserve_positions(total.vertices)?;
+    mesh.positions.resize(total.vertices * keys, Vec3::ZERO);
     for &width in frame.channels {
         let values = filled(total.vertices * width, 0.0)?;
         mesh.channels.push(GridChannel { width, values });
@@ -186,6 +188,7 @@ fn split<'a, T>(rest: &mut &'a mut [T], count: usize) -> &'a mut [T] {
 fn filled<T: Clone>(count: usize, value: T) -> Result<Vec<T>, DiceError> {
     let mut v = Vec::new();
     v.try_reserve_exact(count)?;
+    hdtrapeze_pages::expect_large(&mut v);
     v.resize(count, value);
     Ok(v)
 }

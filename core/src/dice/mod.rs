@@ -331,6 +331,7 @@ fn join(input: &DiceInput<'_>, parts: Vec<Part>) -> Result<DiceOutput, DiceError
         .collect();
     mesh.grids
         .try_reserve_exact(sum(|p| p.grids.len() as u64) as usize)?;
+    hdtrapeze_pages::expect_large(&mut mesh.grids);
     mesh.reserve_positions(mesh.vertex_count)?;
     mesh.normals
         .try_reserve_exact(mesh.vertex_count * mesh.normal_key_count)?;

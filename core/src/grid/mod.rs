@@ -67,7 +67,7 @@ pub struct GridChannel {
 }
 
 /// One object's grids.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Debug, Default, PartialEq)]
 pub struct DicedMesh {
     /// What positions are relative to, in the space they were diced in (world for flattened
     /// objects, object space for instanced prototypes).
@@ -89,20 +89,51 @@ pub struct DicedMesh {
     pub channels: Vec<GridChannel>,
 }
 
+/// Positions of the copy have [room](DicedMesh::reserve_positions), too.
+impl Clone for DicedMesh {
+    fn clone(&self) -> Self {
+        let Self {
+            origin,
+            ref key_times,
+            ref grids,
+            vertex_count,
+            ref positions,
+            normal_key_count,
+            ref normals,
+            ref channels,
+        } = *self;
+        let mut copy = Self {
+            origin,
+            key_times: key_times.clone(),
+            grids: grids.clone(),
+            vertex_count,
+            positions: Vec::new(),
+            normal_key_count,
+            normals: normals.clone(),
+            channels: channels.clone(),
+        };
+        // Where there is no room for more, the next line says so.
+        let _ = copy.reserve_positions(vertex_count);
+        copy.positions.extend_from_slice(positions);
+        copy
+    }
+}
+
 impl DicedMesh {
     /// Number of position keys.
     pub fn key_count(&self) -> usize {
         self.key_times.len()
     }
-    /// Makes room for the positions of `count` vertices in all, at all keys, where rays are quick to find them: in large pages
-    /// of memory. Key times are known by then.
+    /// Makes room for the positions of `count` vertices in all, at all keys, in large pages of memory, where rays are quick to
+    /// find them; and for [what follows them](PlanarMesh::floats) where they are traced, so that they need not move. Key times are
+    /// known by then, and positions are not there yet.
     ///
     /// # Errors
     /// There is no such room.
     pub fn reserve_positions(&mut self, count: usize) -> Result<(), TryReserveError> {
-        let all = count * self.key_count() + planar::PAD.div_ceil(3);
-        self.positions
-            .try_reserve_exact(all.saturating_sub(self.positions.len()))?;
+        let all = count.saturating_mul(self.key_count());
+        let all = all.saturating_add(planar::PAD.div_ceil(3));
+        self.positions.try_reserve_exact(all)?;
         hdtrapeze_pages::expect_large(&mut self.positions);
         Ok(())
     }

@@ -333,6 +333,12 @@ impl PlanarMesh {
             ..DicedMesh::default()
         };
         let sound = self.sound_grids();
+        let count = |&g: &u32| match sound[g as usize] {
+            true => self.grids[g as usize].vertex_count(),
+            false => 1,
+        };
+        // Where there is no room, adding to them says so.
+        let _ = out.reserve_positions(grids.iter().map(count).sum());
         for g in grids.iter().map(|&g| g as usize) {
             let mut grid = self.grids[g];
             if !sound[g] {
@@ -455,9 +461,14 @@ mod tests {
             })
             .collect();
         mesh.vertex_count = count;
+        let copy = mesh.clone();
+        assert!(3 * copy.positions.capacity() >= room);
+        assert_eq!(copy, mesh);
         let mesh = PlanarMesh::from(mesh);
         assert_eq!(mesh.floats.as_ptr().addr(), at);
-        assert_eq!(mesh.position(4999, 1, 288), Vec3::ONE);
+        for floats in [mesh.floats, PlanarMesh::from(copy).floats] {
+            assert_ne!(hdtrapeze_pages::were_asked_for(&floats), Some(false));
+        }
     }
 
     #[test]

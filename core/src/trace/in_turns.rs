@@ -133,7 +133,7 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
             #[inline(always)]
             |items, queries| {
                 let mut found = 0;
-                // After a step more than they need, so that their vertices are there.
+                // A step after there were enough, so that most vertices are there.
                 if waits.are_enough() {
                     found |= self.test_waits(&mut waits, cells, queries);
                 }

@@ -181,7 +181,7 @@ impl Items {
         near: [0.0; ITEMS],
     };
 
-    /// Items, by reference, the ray that may hit each, and where it enters.
+    /// References of items, with [`Tree::LEAF`], the ray that may hit each, and where it enters.
     #[inline(always)]
     pub fn each(&self) -> impl Iterator<Item = (u32, usize, f32)> {
         let items = self.items[..self.count.min(ITEMS)].iter().zip(&self.rays);
@@ -347,7 +347,7 @@ mod tests {
         Vec3::new(unit(state), unit(state), unit(state)) * 2.0 - 1.0
     }
 
-    /// Straight strands of `length` micropolygons, across rows or `along` them, in a cube.
+    /// Straight strands of `length` micropolygons, across rows or `along` them, in a cube. Some are there twice.
     fn strands(count: u32, length: u16, along: bool, keys: usize) -> World {
         let state = &mut 7;
         let mut mesh = DicedMesh {
@@ -357,9 +357,12 @@ mod tests {
             ..DicedMesh::default()
         };
         let (nu, nv) = if along { (length, 1) } else { (1, length) };
+        let mut strand = [Vec3::ZERO; 4];
         for element in 0..count {
-            let (root, way, side) = (cube(state), cube(state) * 0.3, cube(state) * 0.02);
-            let sway = cube(state) * 0.1;
+            if element % 4 != 3 {
+                strand = [1.0, 0.3, 0.02, 0.1].map(|size| cube(state) * size);
+            }
+            let [root, way, side, sway] = strand;
             for k in 0..keys {
                 for j in 0..=nv {
                     for i in 0..=nu {

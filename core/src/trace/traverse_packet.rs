@@ -123,7 +123,8 @@ impl Queries {
         }
     }
 
-    /// True where a ray has found something nearer than `t`, or looks no more.
+    /// True where a ray looks no farther than to some place before `t`. What lies in bounds that it enters at `t` is no
+    /// hit then: none in there is nearer, and one as near, which another may follow by number, is not beyond.
     #[inline(always)]
     pub fn is_beyond(&self, ray: usize, t: f32) -> bool {
         let (v, lane) = split(ray);

@@ -1,8 +1,8 @@
 //! Parts of strands that wait, each for one ray: 8 of them are tested at once, whoever they wait for.
 //!
 //! A packet of rays that go one way brings many of them to each part ([`super::two_cells`]); rays that have little in common
-//! come alone, and a part of two micropolygons fills a quarter of a vector. So parts wait until there are eight, and some time longer,
-//! in which their vertices come from memory. The operations are those of [`super::cell`] in the same order, so hits are the same.
+//! come alone, and a part of two micropolygons fills a quarter of a vector. So parts wait until there are eight, and, unless
+//! there are more than sixteen, for one more step of their rays, in which vertices come from memory. The operations are those of [`super::cell`] in the same order, so hits are the same.
 
 use hdtrapeze_simd::{Float, Mask, Simd};
 
@@ -109,6 +109,7 @@ impl Waits {
                 simd.expect(floats, at.wrapping_add(STRIP - 1));
             }
         }
+        debug_assert!(!self.are_full());
         let room = self.older ^ (self.count / PARTS);
         self.rooms[room & 1][self.count & (PARTS - 1)] = Wait {
             first,
@@ -124,7 +125,8 @@ impl Waits {
         true
     }
 
-    /// Tests those that have waited longest, eight where there are so many; calls `accept(ray, grid, cell, hit)` for every triangle hit, in no useful order.
+    /// Tests those that have waited longest, eight where there are so many; calls `accept(ray, grid, cell, hit)` for every
+    /// triangle hit, in no useful order.
     #[inline(always)]
     pub fn test<S: Simd, const MOVING: bool>(
         &mut self,

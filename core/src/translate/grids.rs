@@ -99,8 +99,15 @@ impl CheckedGrids {
     /// The diced mesh along `path`. Shading is flat: grids carry no normals.
     pub fn place(&self, path: &PointPath) -> DicedMesh {
         let vertex_count = self.points.points[0].len();
-        let keys = path.key_times().len();
-        let mut positions = Vec::with_capacity(vertex_count * keys);
+        let mut mesh = DicedMesh {
+            origin: path.origin(),
+            key_times: path.key_times().to_vec(),
+            grids: self.grids.clone(),
+            vertex_count,
+            ..DicedMesh::default()
+        };
+        // Where there is no room, adding to them says so.
+        let _ = mesh.reserve_positions(vertex_count);
         let (mut limit, mut placed) = (Vec::new(), Vec::new());
         for grid in &self.grids {
             let n = grid.vertex_count();
@@ -109,16 +116,9 @@ impl CheckedGrids {
                 limit.extend_from_slice(&key[grid.first_vertex as usize..][..n]);
             }
             path.map_positions(&limit, n, &mut placed);
-            positions.extend_from_slice(&placed);
+            mesh.positions.extend_from_slice(&placed);
         }
-        DicedMesh {
-            origin: path.origin(),
-            key_times: path.key_times().to_vec(),
-            grids: self.grids.clone(),
-            vertex_count,
-            positions,
-            ..DicedMesh::default()
-        }
+        mesh
     }
 }
 
