@@ -11,7 +11,6 @@
 use std::ops::Range;
 
 /// What large pages are multiples of, in size and place: of x86-64, and of AArch64 with pages of 4 KiB.
-#[cfg(any(target_os = "linux", test))]
 const LARGE: usize = 2 << 20;
 
 /// Makes room for `more` items and asks that all of it be in large pages. For a vector that holds next to nothing yet. Nothing
@@ -57,7 +56,7 @@ pub fn were_asked_for<T>(items: &[T]) -> Option<bool> {
     if !std::fs::exists("/sys/kernel/mm/transparent_hugepage/enabled").ok()? {
         return None;
     }
-    let address = items.as_ptr().addr().next_multiple_of(2 << 20);
+    let address = items.as_ptr().addr().next_multiple_of(LARGE);
     let maps = std::fs::read_to_string("/proc/self/smaps").ok()?;
     let mut inside = false;
     for line in maps.lines() {

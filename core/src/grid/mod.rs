@@ -112,8 +112,8 @@ impl Clone for DicedMesh {
             normals: normals.clone(),
             channels: channels.clone(),
         };
-        // Where there is no room for more, the next line says so.
-        let _ = copy.reserve_positions(vertex_count);
+        // Of a mesh that is not usable there may be fewer. Where there is no room, the next line says so.
+        let _ = copy.reserve_positions(vertex_count.min(positions.len()));
         copy.positions.extend_from_slice(positions);
         copy
     }
