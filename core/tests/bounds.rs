@@ -333,12 +333,13 @@ proptest! {
 
     #[test]
     fn oriented_bounds_contain(
-        seed: u64, shape in 0usize..3, k in 1usize..4, offset in -100f32..100.0, times in times_strategy()
+        seed: u64, shape in 0usize..4, k in 1usize..4, offset in -100f32..100.0, times in times_strategy()
     ) {
         let keys = keys(k);
         let mut m = match shape {
             0 => fur(40, &keys, seed),
             1 => combed(40, 0.003, &keys, seed),
+            2 => thin(40, &keys, seed),
             _ => bent_patches(12, 16, &keys[..1], seed, 0.1),
         };
         let spin = glam::Quat::from_axis_angle(Rng(seed).direction(), 1.0);
@@ -347,7 +348,7 @@ proptest! {
         }
         let stats = check_object(m, &times).map_err(TestCaseError::fail)?;
         // Strands may happen to run along an axis; those of the test below do not.
-        prop_assert!(shape < 2 || stats.oriented_blocks > 0 || offset.abs() > 50.0, "{stats:?}");
+        prop_assert!(shape < 3 || stats.oriented_blocks > 0 || offset.abs() > 50.0, "{stats:?}");
     }
 
     #[test]
@@ -548,6 +549,23 @@ fn whole_subtrees_of_combed_fur_share_frames() {
     });
     let stats = check_object(upright, &[0.0]).expect("contained");
     assert_eq!((stats.blocks, stats.loose_groups), (100, 0));
+}
+
+/// Boxes of two micropolygons would have a hundred times their area.
+#[test]
+fn micropolygons_of_thin_strands_are_items() {
+    for k in [1, 2, 3] {
+        let groups = |m: DicedMesh| {
+            let stats = check_object(m, &[0.0, 0.3, 1.0]).expect("contained");
+            assert_eq!(stats.blocks, 0);
+            stats.loose_groups
+        };
+        assert_eq!(groups(combed(300, 0.003, &keys(k), 1)), 300 * 8);
+        assert_eq!(groups(combed(300, 0.0005, &keys(k), 1)), 300 * 16);
+        assert_eq!(groups(thin(1000, &keys(k), 1)), 1000 * 16);
+        // Nothing is there to be hit.
+        assert_eq!(groups(combed(300, 0.0, &keys(k), 1)), 300 * 8);
+    }
 }
 
 #[test]

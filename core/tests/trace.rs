@@ -48,6 +48,7 @@ fn objects_agree_with_the_oracle() {
             ("patches", patches(20, 7, &keys, 3)),
             ("fur", fur(60, &keys, 4)),
             ("combed fur", combed(60, 0.05, &keys, 4)),
+            ("thin strands", thin(300, &keys, 4)),
             ("sphere", sphere(2, 5, &keys)),
         ];
         for (name, mesh) in meshes {
@@ -465,6 +466,8 @@ fn instruction_sets_and_packets_give_the_same_hits() {
         world_of(patches(60, 8, &keys(3), 5)),
         world_of(fur(300, &keys(2), 6)),
         world_of(combed(300, 0.01, &keys(2), 6)),
+        world_of(thin(300, &keys(1), 6)),
+        world_of(thin(300, &keys(2), 6)),
         world_of(parts(&keys(1))),
         world_of(parts(&keys(3))),
         World::build(

@@ -10,6 +10,8 @@
 #[cfg(any(target_os = "linux", test))]
 use std::ops::Range;
 
+use rayon::prelude::*;
+
 /// What large pages are multiples of, in size and place: of x86-64, and of AArch64 with pages of 4 KiB.
 const LARGE: usize = 2 << 20;
 
@@ -34,6 +36,36 @@ pub fn expect_large<T>(items: &mut Vec<T>) {
             libc::madvise(first.cast(), inside.len(), libc::MADV_HUGEPAGE)
         };
     }
+}
+
+/// Joins parts in large pages, in parallel: what `each` makes of each item, given the number of its part.
+pub fn joined<T: Copy + Send + Sync>(
+    parts: Vec<&[T]>,
+    each: impl Fn(usize, &T) -> T + Sync,
+) -> Vec<T> {
+    let mut items = Vec::new();
+    let count = parts.iter().map(|part| part.len()).sum();
+    reserve(&mut items, count);
+    let mut room = &mut items.spare_capacity_mut()[..count];
+    let mut places = Vec::with_capacity(parts.len());
+    for part in parts {
+        let (place, rest) = std::mem::take(&mut room).split_at_mut(part.len());
+        places.push((place, part));
+        room = rest;
+    }
+    let places = places.into_par_iter().enumerate();
+    places.for_each(|(k, (place, part))| {
+        for (to, from) in place.iter_mut().zip(part) {
+            to.write(each(k, from));
+        }
+    });
+    #[allow(unsafe_code)]
+    // SAFETY: the vector has room for `count` items, and all were written: the places of all parts, which are `count` together, are
+    // as long as these.
+    unsafe {
+        items.set_len(count)
+    };
+    items
 }
 
 /// Elsewhere the system decides.

@@ -9,6 +9,8 @@
 //! Groups may also be *loose*: the tree refers to them itself, without a block. A grid that is no larger
 //! than one group ([`is_small`]) is one; a strip is cut into several where [`super::gather`] says so.
 
+use std::ops::Range;
+
 use crate::grid::Grid;
 
 /// Most micropolygons of a group along u and v: one vector test of 8.
@@ -150,16 +152,21 @@ pub fn is_strip(grid: &Grid) -> bool {
     grid.nu.min(grid.nv) == 1 && grid.nu.max(grid.nv) >= 3
 }
 
-/// Micropolygons along a loose group of a strip. A single one would save a few nodes and tests, for twice the
-/// memory and the time to build.
+/// Micropolygons along a loose group of a strip; where strands are [thin](super::thin), a single one.
 const LOOSE_LENGTH: u8 = 2;
 
-/// Number of loose groups of a grid that is small, or a strip; at most [`GROUPS`].
-pub fn loose_count(grid: &Grid) -> usize {
+/// The numbers that the loose groups of a grid have, which is small, or a strip: at most [`GROUPS`] from 0 on. Those of the single
+/// micropolygons of a strip follow, from [`GROUPS`] on.
+pub fn loose_slots(grid: &Grid, singles: bool) -> Range<u32> {
     if is_small(grid) {
-        return 1;
+        return 0..1;
     }
-    usize::from(grid.nu.max(grid.nv)).div_ceil(usize::from(LOOSE_LENGTH))
+    let length = u32::from(grid.nu.max(grid.nv));
+    if singles {
+        GROUPS as u32..GROUPS as u32 + length
+    } else {
+        0..length.div_ceil(u32::from(LOOSE_LENGTH))
+    }
 }
 
 /// A group that the tree refers to without a block: all of a small grid, or a part of a strip.
@@ -170,17 +177,21 @@ pub fn loose(grid: &Grid, slot: u32) -> CellRect {
     if is_small(grid) {
         return whole;
     }
-    let from = slot as u8 * LOOSE_LENGTH;
+    let slot = slot as u8;
+    let (from, length) = match slot.checked_sub(GROUPS as u8) {
+        Some(single) => (single, 1),
+        None => (slot * LOOSE_LENGTH, LOOSE_LENGTH),
+    };
     if w == 1 {
         CellRect {
             j: from,
-            h: LOOSE_LENGTH.min(h - from),
+            h: length.min(h - from),
             ..whole
         }
     } else {
         CellRect {
             i: from,
-            w: LOOSE_LENGTH.min(w - from),
+            w: length.min(w - from),
             ..whole
         }
     }
@@ -266,6 +277,7 @@ pub fn halved(span: Span) -> [Span; 2] {
 
 #[cfg(test)]
 mod tests {
+    use super::super::object::LOOSE_BITS;
     use super::*;
 
     #[test]
@@ -309,18 +321,24 @@ mod tests {
                 nv,
             };
             assert!(is_small(&grid) || is_strip(&grid), "{nu}x{nv}");
-            let count = loose_count(&grid);
-            assert!(count <= GROUPS);
-            let mut seen = vec![0; grid.cell_count()];
-            for r in (0..count as u32).map(|slot| loose(&grid, slot)) {
-                assert!(usize::from(r.w) <= GROUP.0 && usize::from(r.h) <= GROUP.1);
-                for j in r.j..r.j + r.h {
-                    for i in r.i..r.i + r.w {
-                        seen[usize::from(j) * usize::from(nu) + usize::from(i)] += 1;
+            for singles in [false, true] {
+                let slots = loose_slots(&grid, singles);
+                let most = if singles { 3 * GROUPS } else { GROUPS };
+                assert!(slots.end as usize <= most && slots.end <= 1 << LOOSE_BITS);
+                let single = singles && !is_small(&grid);
+                assert!(slots.start == if single { GROUPS as u32 } else { 0 });
+                let mut seen = vec![0; grid.cell_count()];
+                for r in slots.map(|slot| loose(&grid, slot)) {
+                    assert!(usize::from(r.w) <= GROUP.0 && usize::from(r.h) <= GROUP.1);
+                    assert!(!single || r.w * r.h == 1);
+                    for j in r.j..r.j + r.h {
+                        for i in r.i..r.i + r.w {
+                            seen[usize::from(j) * usize::from(nu) + usize::from(i)] += 1;
+                        }
                     }
                 }
+                assert!(seen.iter().all(|&n| n == 1), "{nu}x{nv}: {seen:?}");
             }
-            assert!(seen.iter().all(|&n| n == 1), "{nu}x{nv}: {seen:?}");
         }
     }
 

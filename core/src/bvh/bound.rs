@@ -5,11 +5,12 @@
 //! bounded at a time ([`super::group8`]).
 
 use std::marker::PhantomData;
+use std::ops::Range;
 
 use glam::Vec3;
 use hdtrapeze_simd::{Float, Kernel, Level, Mask, Simd};
 
-use super::block::{Block, CellRect, GROUPS, Span, halves, halving_pays, loose, loose_count};
+use super::block::{Block, CellRect, GROUPS, Span, halves, halving_pays, loose};
 use super::diagonal::Diagonal;
 use super::group8::{Groups, Vertices, boxes, boxes_in};
 use super::lanes::{Boxes8, Ranges8};
@@ -93,15 +94,20 @@ pub fn bound_whole<B: Bounds8>(
 /// Groups that the tree refers to itself: their boxes, and diagonals of these.
 pub type Loose = ([LinearBox; GROUPS], [Diagonal; GROUPS]);
 
-/// Axis-aligned bounds of the [loose groups](loose) of a grid that [is bounded](is_bounded), as many as
-/// [`loose_count`] says. Of a strip diagonals besides, given the directions that its groups run in at both ends of the shutter.
+/// Axis-aligned bounds of 1 to [`GROUPS`] of the [loose groups](loose) of a grid that [is bounded](is_bounded), given their
+/// numbers. Of a strip diagonals besides, given the directions that its groups run in at both ends of the shutter.
 /// None where bounds are beyond [`COORDINATE_LIMIT`].
 pub fn bound_loose(
     level: Level,
     rows: &GridRows<'_>,
+    slots: Range<u32>,
     directions: Option<&[[Vec3; 2]; GROUPS]>,
 ) -> Option<Loose> {
-    level.run(BoundLoose { rows, directions })
+    level.run(BoundLoose {
+        rows,
+        slots,
+        directions,
+    })
 }
 
 /// Bounds in a frame of 1 to [`GROUPS`] groups of grids whose vertices are finite and within
@@ -281,6 +287,7 @@ fn with_radii(radii: [f32; GROUPS], down: [[u32; 3]; 2]) -> [Diagonal; GROUPS] {
 
 struct BoundLoose<'a> {
     rows: &'a GridRows<'a>,
+    slots: Range<u32>,
     directions: Option<&'a [[Vec3; 2]; GROUPS]>,
 }
 
@@ -290,10 +297,10 @@ impl Kernel for BoundLoose<'_> {
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) -> Option<Loose> {
         let grid: &Grid = &self.rows.grid;
-        let count = loose_count(grid);
         let mut groups = Groups::default();
-        for slot in 0..count {
-            groups.put(slot, 0, grid, loose(grid, slot as u32));
+        let count = self.slots.len();
+        for (i, slot) in self.slots.enumerate() {
+            groups.put(i, 0, grid, loose(grid, slot));
         }
         let groups = groups.filled(count as u8);
         let vertices = Vertices {

@@ -16,16 +16,17 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use hdtrapeze_simd::{Level, Scalar};
+use hdtrapeze_simd::Level;
 use rayon::prelude::*;
 
 use super::block::GROUPS;
-use super::coarse::{COARSE_ITEMS, Known, coarse, numbered};
+use super::coarse::{COARSE_ITEMS, coarse, numbered};
 use super::diagonal;
 use super::node::pack_hulls;
-use super::orient::{MOST_ITEMS, Strands, Turned};
+use super::orient::{MOST_ITEMS, Strands, Tries, Turned};
+use super::range::{Items, Range, children};
 use super::sorted::{Hull, Sorted};
-use super::split::{Extent, split};
+use super::split::Extent;
 use super::turn::Turning;
 use super::{Bounds8, LinearBox, Node};
 
@@ -50,6 +51,14 @@ impl<B: Bounds8> Tree<B> {
     pub const LEAF: u32 = 1 << 31;
     /// The root of a tree with no items.
     pub const EMPTY: u32 = u32::MAX;
+
+    fn of_none() -> Self {
+        Self {
+            nodes: Vec::new(),
+            frames: vec![B::Turning::IDENTITY],
+            root: Self::EMPTY,
+        }
+    }
 
     /// Bytes on the heap.
     pub fn bytes(&self) -> usize {
@@ -97,11 +106,6 @@ pub fn build_sorted<B: Bounds8>(
     strands: Option<&Strands<'_>>,
     cancel: &AtomicBool,
 ) -> Tree<B> {
-    let mut tree = Tree {
-        nodes: Vec::new(),
-        frames: vec![B::Turning::IDENTITY],
-        root: Tree::<B>::EMPTY,
-    };
     let below = Below {
         kind,
         strands,
@@ -112,28 +116,23 @@ pub fn build_sorted<B: Bounds8>(
         try_below: MOST_ITEMS,
     };
     let count = parts.iter().map(Vec::len).sum::<usize>();
-    let (mut items, extent, known);
-    if count >= COARSE_ITEMS && numbered(&parts) {
+    let grown = if count >= COARSE_ITEMS && numbered(&parts) {
         let coarse = coarse(below.level, &parts);
-        items = coarse.items;
-        (extent, known) = (Some(coarse.extent), coarse.known);
+        let items = Items::Numbered(&coarse.order, &coarse.chunks);
+        grow(
+            Range::new(items, coarse.extent, coarse.known.as_deref()),
+            below,
+        )
     } else {
-        items = parts.concat();
-        (extent, known) = (None, None);
-    }
-    drop(parts);
-    match &mut items[..] {
-        [] => {}
-        [item] => tree.root = Tree::<B>::LEAF | item.id(),
-        items => {
-            if items.len() <= PARALLEL_ITEMS {
-                tree.nodes.reserve(items.len() / 4 + 1);
-            }
-            tree.root = build_node(&mut tree, items, (extent, known.as_deref()), below);
+        let mut items = parts.concat();
+        drop(parts);
+        if items.is_empty() {
+            return Tree::of_none();
         }
-    }
-    tree.nodes.shrink_to_fit();
-    tree
+        let extent = Extent::of(below.level, &items);
+        grow(Range::new(Items::There(&mut items), extent, None), below)
+    };
+    grown.joined()
 }
 
 /// What holds for a range.
@@ -150,177 +149,192 @@ struct Below<'a> {
     try_below: usize,
 }
 
-/// A range of items that becomes a child.
-struct Range<'a, H: Hull> {
-    items: &'a mut [Sorted<H>],
-    extent: Extent<H>,
-    area: f32,
-    /// Its split, where that is known.
-    known: Option<&'a Known<H>>,
-}
-
-impl<'a, H: Hull> Range<'a, H> {
-    fn new(items: &'a mut [Sorted<H>], extent: Extent<H>, known: Option<&'a Known<H>>) -> Self {
-        Self {
-            items,
-            extent,
-            known,
-            area: H::area(Scalar, extent.bounds.load(Scalar)),
-        }
-    }
-
-    /// Each item by itself.
-    fn singles(items: &'a mut [Sorted<H>]) -> impl Iterator<Item = Self> {
-        let of = |item: &'a mut [Sorted<H>]| Self {
-            extent: Extent::single(&item[0]),
-            items: item,
-            area: 0.0,
-            known: None,
-        };
-        items.chunks_mut(1).map(of)
-    }
-}
-
-/// What a range extends over, and its split, where these are known.
-type Given<'a, H> = (Option<Extent<H>>, Option<&'a Known<H>>);
-
-/// Appends the node over `items`, two or more, and all below it; returns the node's number.
-fn build_node<B: Bounds8>(
-    tree: &mut Tree<B>,
-    items: &mut [Sorted<B::Hull>],
-    (extent, known): Given<'_, B::Hull>,
-    mut below: Below<'_>,
-) -> u32 {
-    if let Some(strands) = below.strands
-        && below.frame == 0
-        && items.len() <= below.try_below.max(GROUPS)
-    {
-        below.try_below = items.len() / 4;
-        if let Some(Turned { frame, mut items }) = strands.turn::<B>(items) {
-            below.frame = tree.frames.len() as u32;
-            tree.frames.push(frame);
-            return build_node(tree, &mut items, (None, None), below);
-        }
-    }
-    let parallel = items.len() > PARALLEL_ITEMS;
-    let kind = below.kind;
-    let mut ranges: Vec<Range<'_, B::Hull>> = Vec::with_capacity(8);
-    if items.len() <= 8 {
-        ranges.extend(Range::singles(items));
-    } else {
-        let extent = extent.unwrap_or_else(|| Extent::of(below.level, items));
-        ranges.push(Range::new(items, extent, known));
-        // Up to 8 items are one full node.
-        let least = if kind == Nodes::Full { 8 } else { 1 };
-        while ranges.len() < 8 {
-            // The largest range first. Ties (and areas that are all 0) go to the one with most
-            // items, so that flat input stays balanced too.
-            let widest = (0..ranges.len())
-                .filter(|&i| ranges[i].items.len() > least)
-                .max_by(|&a, &b| {
-                    let key = |i: usize| (ranges[i].area, ranges[i].items.len());
-                    let (a, b) = (key(a), key(b));
-                    a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))
-                });
-            let Some(widest) = widest else { break };
-            let range = ranges.swap_remove(widest);
-            let halves = match range.known {
-                Some(known) => known.halves,
-                None => split(below.level, range.items, &range.extent, kind, below.depth),
-            };
-            let known = |side: usize| range.known.and_then(|known| known.below[side].as_deref());
-            let [a, b] = halves.extents;
-            let (left, right) = range.items.split_at_mut(halves.middle);
-            ranges.extend([
-                Range::new(left, a, known(0)),
-                Range::new(right, b, known(1)),
-            ]);
-        }
-        // What fits into this node needs none of its own.
-        while let Some(smallest) = (0..ranges.len())
-            .filter(|&i| ranges[i].items.len() > 1)
-            .min_by_key(|&i| ranges[i].items.len())
-            .filter(|&i| ranges.len() + ranges[i].items.len() <= 9)
-        {
-            let range = ranges.swap_remove(smallest);
-            ranges.extend(Range::singles(range.items));
-        }
-    }
-
-    let index = tree.nodes.len() as u32;
+/// The node over some children, whose references it has not yet.
+fn node_over<B: Bounds8>(ranges: &[Range<'_, B::Hull>], below: Below<'_>) -> Node<B> {
     let mut hulls = [&ranges[0].extent.bounds; 8];
-    for (to, range) in hulls.iter_mut().zip(&ranges) {
+    for (to, range) in hulls.iter_mut().zip(ranges) {
         *to = &range.extent.bounds;
     }
     let bounds: B = pack_hulls(below.level, hulls);
     let mut numbers = [[0.0; 8]; 2];
     for (slot, range) in ranges.iter().enumerate() {
-        if let [item] = &*range.items {
+        if let Some(item) = range.only() {
             [numbers[0][slot], numbers[1][slot]] = item.bounds.diagonal();
         }
     }
     let grids = (bounds.start(), bounds.end());
     let (diagonals, at_end) = diagonal::packed(below.level, grids, &numbers);
-    tree.nodes.push(Node {
+    Node {
         bounds,
         children: [0; 8],
         frame: below.frame,
         slots: ((1u32 << ranges.len()) - 1) | diagonals,
         at_end,
-    });
+    }
+}
+
+/// Appends the node over a range of two items or more, and all below it; returns the node's number.
+fn build_node<B: Bounds8>(
+    tree: &mut Tree<B>,
+    mut range: Range<'_, B::Hull>,
+    mut below: Below<'_>,
+    tries: &mut Tries,
+) -> u32 {
+    if let Some(strands) = below.strands
+        && below.frame == 0
+        && range.items.len() <= below.try_below.max(GROUPS)
+    {
+        below.try_below = range.items.len() / 4;
+        let items = range.items.side_by_side();
+        if let Some(Turned { frame, mut items }) = tries.turn::<B>(strands, items) {
+            below.frame = tree.frames.len() as u32;
+            tree.frames.push(frame);
+            let extent = Extent::of(below.level, &items);
+            let range = Range::new(Items::There(&mut items), extent, None);
+            return build_node(tree, range, below, tries);
+        }
+    }
+    let ranges = children(range, below.level, below.kind, below.depth);
+    let index = tree.nodes.len() as u32;
+    tree.nodes.push(node_over(&ranges, below));
     below.depth += 1;
-    if parallel {
-        let subtrees: Vec<Tree<B>> = ranges
-            .into_par_iter()
-            .map(|range| {
-                let mut subtree = Tree {
-                    nodes: Vec::new(),
-                    frames: vec![B::Turning::IDENTITY],
-                    root: Tree::<B>::EMPTY,
-                };
-                subtree.root = build_child(&mut subtree, range, below);
-                subtree
-            })
-            .collect();
-        // Only the node over them is there yet.
-        let sum = |count: fn(&Tree<B>) -> usize| subtrees.iter().map(count).sum();
-        hdtrapeze_pages::reserve(&mut tree.nodes, sum(|tree| tree.nodes.len()));
-        hdtrapeze_pages::reserve(&mut tree.frames, sum(|tree| tree.frames.len() - 1));
-        for (slot, subtree) in subtrees.into_iter().enumerate() {
-            let child = tree.append(subtree);
-            tree.nodes[index as usize].children[slot] = child;
-        }
-    } else {
-        for (slot, range) in ranges.into_iter().enumerate() {
-            let child = build_child(tree, range, below);
-            tree.nodes[index as usize].children[slot] = child;
-        }
+    for (slot, range) in ranges.into_iter().enumerate() {
+        let child = build_child(tree, range, below, tries);
+        tree.nodes[index as usize].children[slot] = child;
     }
     index
 }
 
-impl<B: Bounds8> Tree<B> {
-    /// Takes over the nodes and frames of another tree; returns its root.
-    fn append(&mut self, other: Tree<B>) -> u32 {
-        let (base, frame_base) = (self.nodes.len() as u32, self.frames.len() as u32 - 1);
-        let shift = |r: u32| if r & Self::LEAF == 0 { r + base } else { r };
-        self.frames.extend_from_slice(&other.frames[1..]);
-        self.nodes.extend(other.nodes.into_iter().map(|mut node| {
-            node.children = node.children.map(shift);
-            if node.frame != 0 {
-                node.frame += frame_base;
-            }
-            node
-        }));
-        shift(other.root)
+fn build_child<B: Bounds8>(
+    tree: &mut Tree<B>,
+    range: Range<'_, B::Hull>,
+    below: Below<'_>,
+    tries: &mut Tries,
+) -> u32 {
+    match range.items.first() {
+        None => Tree::<B>::EMPTY,
+        Some(item) if range.items.len() == 1 || below.cancel.load(Ordering::Relaxed) => {
+            Tree::<B>::LEAF | item.id()
+        }
+        Some(_) => build_node(tree, range, below, tries),
     }
 }
 
-fn build_child<B: Bounds8>(tree: &mut Tree<B>, range: Range<'_, B::Hull>, below: Below<'_>) -> u32 {
-    match range.items {
-        [item, ..] if below.cancel.load(Ordering::Relaxed) => Tree::<B>::LEAF | item.id(),
-        [item] => Tree::<B>::LEAF | item.id(),
-        items => build_node(tree, items, (Some(range.extent), range.known), below),
+/// A tree in pieces, as threads have made them.
+struct Grown<B: Bounds8> {
+    /// A whole tree where there is none below, or a single node.
+    tree: Tree<B>,
+    /// Those of the node's children.
+    below: Vec<Grown<B>>,
+}
+
+const _: () = assert!(MOST_ITEMS <= PARALLEL_ITEMS);
+
+/// Builds the tree over a range, in parallel where that is large.
+fn grow<B: Bounds8>(mut range: Range<'_, B::Hull>, mut below: Below<'_>) -> Grown<B> {
+    let mut tree = Tree::of_none();
+    let count = range.items.len();
+    if count <= PARALLEL_ITEMS || below.cancel.load(Ordering::Relaxed) {
+        let tries = &mut Tries::default();
+        if count <= PARALLEL_ITEMS {
+            tree.nodes.reserve(count / 4 + 1);
+            // Into this thread's caches.
+            let there = Items::There(range.items.side_by_side());
+            let range = Range::new(there, range.extent, range.known);
+            tree.root = build_child(&mut tree, range, below, tries);
+        } else {
+            tree.root = build_child(&mut tree, range, below, tries);
+        }
+        return Grown {
+            tree,
+            below: Vec::new(),
+        };
+    }
+    let ranges = children(range, below.level, below.kind, below.depth);
+    tree.root = 0;
+    tree.nodes.push(node_over(&ranges, below));
+    below.depth += 1;
+    let children = ranges.into_par_iter().map(|range| grow(range, below));
+    Grown {
+        tree,
+        below: children.collect(),
+    }
+}
+
+/// Nodes of a piece, and what is added to the numbers of nodes and frames in there.
+struct Piece<B: Bounds8> {
+    nodes: Vec<Node<B>>,
+    first_node: u32,
+    first_frame: u32,
+}
+
+impl<B: Bounds8> Grown<B> {
+    /// The tree in one piece: parents before children, and these in their order.
+    fn joined(self) -> Tree<B> {
+        if self.below.is_empty() {
+            let mut tree = self.tree;
+            tree.nodes.shrink_to_fit();
+            return tree;
+        }
+        let mut pieces = Vec::new();
+        let mut tree = Tree::of_none();
+        let mut count = 0;
+        tree.root = self.place(&mut pieces, &mut count, &mut tree.frames);
+        let nodes = pieces.iter().map(|piece| piece.nodes.as_slice()).collect();
+        tree.nodes = hdtrapeze_pages::joined(nodes, |k, node: &Node<B>| {
+            let piece: &Piece<B> = &pieces[k];
+            let mut node = *node;
+            for child in &mut node.children {
+                if *child & Tree::<B>::LEAF == 0 {
+                    *child += piece.first_node;
+                }
+            }
+            if node.frame != 0 {
+                node.frame += piece.first_frame;
+            }
+            node
+        });
+        tree
+    }
+
+    /// Says where each piece goes; gives the reference of its root.
+    fn place(
+        self,
+        pieces: &mut Vec<Piece<B>>,
+        count: &mut u32,
+        frames: &mut Vec<B::Turning>,
+    ) -> u32 {
+        let Tree {
+            mut nodes,
+            frames: own,
+            root,
+        } = self.tree;
+        let first_node = *count;
+        let first_frame = frames.len() as u32 - 1;
+        *count += nodes.len() as u32;
+        frames.extend_from_slice(&own[1..]);
+        if self.below.is_empty() {
+            pieces.push(Piece {
+                nodes,
+                first_node,
+                first_frame,
+            });
+            return match root & Tree::<B>::LEAF {
+                0 => root + first_node,
+                _ => root,
+            };
+        }
+        let at = pieces.len();
+        pieces.push(Piece {
+            nodes: Vec::new(),
+            first_node: 0,
+            first_frame: 0,
+        });
+        for (slot, child) in self.below.into_iter().enumerate() {
+            nodes[0].children[slot] = child.place(pieces, count, frames);
+        }
+        pieces[at].nodes = nodes;
+        first_node
     }
 }
 

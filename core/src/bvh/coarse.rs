@@ -1,5 +1,5 @@
 //! The first splits of many items: over the cells of a regular grid, so that items are read three times in all rather
-//! than twice a level.
+//! than twice a level, and copied only into a thread's caches.
 //!
 //! Cells hold a few items each, by their centres, and know what these extend over, exactly. Ranges of cells are split like
 //! ranges of items, as long as there are so many cells that planes between them are as good as those
@@ -33,9 +33,11 @@ pub struct Known<H> {
 }
 
 /// Items in the order of their splits.
-pub struct Coarse<H: Hull> {
+pub struct Coarse<'a, H: Hull> {
     /// All of them.
-    pub items: Vec<Sorted<H>>,
+    pub chunks: Chunks<'a, H>,
+    /// Their numbers, in that order.
+    pub order: Vec<u32>,
     /// What they extend over.
     pub extent: Extent<H>,
     /// The first split, unless all lie in a few cells.
@@ -72,14 +74,15 @@ impl<H: Hull> Piece<H> for Cell<H> {
 
 /// Items in chunks of up to [`PARALLEL_ITEMS`]. An item is known by the number of its chunk and, in the last
 /// [`CHUNK_BITS`], its place there.
-struct Chunks<'a, H: Hull>(Vec<&'a [Sorted<H>]>);
+pub struct Chunks<'a, H: Hull>(Vec<&'a [Sorted<H>]>);
 
 const CHUNK_BITS: u32 = PARALLEL_ITEMS.ilog2();
 const _: () = assert!(PARALLEL_ITEMS.is_power_of_two());
 
 impl<'a, H: Hull> Chunks<'a, H> {
+    /// The item of a number.
     #[inline(always)]
-    fn item(&self, number: u32) -> &'a Sorted<H> {
+    pub fn item(&self, number: u32) -> &'a Sorted<H> {
         &self.0[(number >> CHUNK_BITS) as usize][number as usize % PARALLEL_ITEMS]
     }
 
@@ -95,7 +98,7 @@ pub fn numbered<H: Hull>(parts: &[Vec<Sorted<H>>]) -> bool {
 }
 
 /// Splits items, which are given in parts, as far as cells are good for.
-pub fn coarse<H: Hull>(level: Level, parts: &[Vec<Sorted<H>>]) -> Coarse<H> {
+pub fn coarse<H: Hull>(level: Level, parts: &[Vec<Sorted<H>>]) -> Coarse<'_, H> {
     let chunks = parts.iter().flat_map(|part| part.chunks(PARALLEL_ITEMS));
     let chunks = Chunks(chunks.collect());
     let extent = Extent::of_all(level, &chunks.0);
@@ -134,12 +137,9 @@ pub fn coarse<H: Hull>(level: Level, parts: &[Vec<Sorted<H>>]) -> Coarse<H> {
     for cell in &cells {
         sorted.extend_from_slice(&order[cell.first as usize..][..cell.count as usize]);
     }
-    let mut items = Vec::new();
-    hdtrapeze_pages::reserve(&mut items, sorted.len());
-    let item = |&i: &u32| *chunks.item(i);
-    sorted.par_iter().map(item).collect_into_vec(&mut items);
     Coarse {
-        items,
+        chunks,
+        order: sorted,
         extent,
         known,
     }
@@ -297,11 +297,14 @@ mod tests {
     fn keeps<H: Hull>(slab: Vec3) {
         let count = 3 * COARSE_ITEMS as u32 + 5;
         for level in Level::available() {
-            let coarse = coarse(level, &parts::<H>(count, slab));
-            let known = coarse.known.expect("many cells");
-            let splits = check(&coarse.items, &known);
+            let parts = parts::<H>(count, slab);
+            let coarse = coarse(level, &parts);
+            let known = coarse.known.as_deref().expect("many cells");
+            let items = coarse.order.iter().map(|&i| *coarse.chunks.item(i));
+            let items: Vec<Sorted<H>> = items.collect();
+            let splits = check(&items, known);
             assert!(splits > 10, "{splits}");
-            let mut ids: Vec<u32> = coarse.items.iter().map(Sorted::id).collect();
+            let mut ids: Vec<u32> = items.iter().map(Sorted::id).collect();
             ids.sort_unstable();
             assert!(ids.into_iter().eq(0..count));
         }
@@ -326,6 +329,6 @@ mod tests {
         };
         let parts = same(parts(COARSE_ITEMS as u32, Vec3::ONE));
         let coarse = coarse(Level::best(), &parts);
-        assert!(coarse.known.is_none() && coarse.items.len() == COARSE_ITEMS);
+        assert!(coarse.known.is_none() && coarse.order.len() == COARSE_ITEMS);
     }
 }

@@ -1,5 +1,5 @@
 //! What trees that are made elsewhere, on a GPU, are made over, bounded here: grids are cut as they are there, where it follows from
-//! their rates alone. No block is halved, and all strips are loose.
+//! their rates alone. No block is halved, all strips are loose, and none is cut into single micropolygons.
 
 use hdtrapeze_simd::Level;
 
@@ -26,8 +26,10 @@ pub fn items<B: Bounds8>(mesh: &PlanarMesh, g: usize) -> Option<Items<B>> {
     }
     let (number, grid) = (g as u32, &rows.grid);
     if (block::is_small(grid) || block::is_strip(grid)) && number < LOOSE_GRIDS {
-        let (boxes, _) = bound_loose(level, &rows, None)?;
-        return Some(Items::Loose(boxes[..block::loose_count(grid)].to_vec()));
+        let slots = block::loose_slots(grid, false);
+        let count = slots.len();
+        let (boxes, _) = bound_loose(level, &rows, slots, None)?;
+        return Some(Items::Loose(boxes[..count].to_vec()));
     }
     let spans = block::cut(number, grid);
     let blocks = spans.map(|span| bound_whole(level, &rows, span));

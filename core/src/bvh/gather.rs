@@ -8,6 +8,8 @@
 //! Runs of grids are gathered in parallel, each while its vertices are near: right after they were turned
 //! into rows.
 
+use std::ops::Range;
+
 use glam::Vec3;
 use hdtrapeze_simd::Level;
 
@@ -17,6 +19,7 @@ use super::build::Item;
 use super::object::{LOOSE_GRIDS, loose_item};
 use super::orient::Piece;
 use super::sorted::Sorted;
+use super::thin::are_thin;
 use super::turn::Turning;
 use super::{Bounds8, LinearBox};
 use crate::grid::planar::{GridRows, Run};
@@ -46,11 +49,13 @@ pub struct Part<B: Bounds8> {
 /// Turns a mesh into rows, and gathers all its grids, with `upright` without frames; those that are not sound are left out.
 pub fn gather<B: Bounds8>(mesh: DicedMesh, upright: bool) -> (PlanarMesh, Vec<Part<B>>) {
     let level = Level::best();
+    let singles = are_thin(&mesh);
     PlanarMesh::turned(mesh, |run: Run<'_>| {
         let mut part = Part::new(run.vertex_count());
         let mut spans = Vec::new();
         run.turn(level, |g, rows| {
-            let added = rows.and_then(|rows| part.add(level, g, &rows, &mut spans, upright));
+            let how = (singles, upright);
+            let added = rows.and_then(|rows| part.add(level, g, &rows, &mut spans, how));
             part.dropped += u64::from(added.is_none());
         });
         part
@@ -72,14 +77,55 @@ impl<B: Bounds8> Part<B> {
         }
     }
 
-    /// Adds the items of one grid: all, or none where a vertex cannot be traced.
+    /// Adds loose groups of a grid, unless blocks are better for it; none where a bound cannot be traced.
+    fn add_loose(
+        &mut self,
+        level: Level,
+        g: u32,
+        rows: &GridRows<'_>,
+        slots: Range<u32>,
+    ) -> Option<bool> {
+        let small = block::is_small(&rows.grid);
+        let before = self.items.len();
+        let (mut whole, mut area) = (LinearBox::EMPTY, 0.0);
+        let mut rest = slots.clone();
+        while !rest.is_empty() {
+            let some = rest.start..rest.end.min(rest.start + GROUPS as u32);
+            rest.start = some.end;
+            let edges = (!small).then(|| edges(rows, some.clone()));
+            let Some((boxes, diagonals)) = bound_loose(level, rows, some.clone(), edges.as_ref())
+            else {
+                self.items.truncate(before);
+                return None;
+            };
+            let edges = edges.unwrap_or([[Vec3::ZERO; 2]; GROUPS]);
+            for (i, slot) in some.enumerate() {
+                let bounds = boxes[i];
+                whole = whole.union(&bounds);
+                area += bounds.mean_half_area();
+                let id = loose_item(g, slot);
+                let item = Sorted::along(&Item { bounds, id }, edges[i], diagonals[i]);
+                self.items.push(item);
+            }
+        }
+        if !small && area >= LOOSE_SHARE * whole.mean_half_area() {
+            self.items.truncate(before);
+            return Some(false);
+        }
+        self.strips += if small { 0 } else { slots.len() };
+        self.bounds = self.bounds.union(&whole);
+        Some(true)
+    }
+
+    /// Adds the items of one grid: all, or none where a vertex cannot be traced. Strips are cut into `singles` or not, and blocks
+    /// have no frames where `upright`.
     fn add(
         &mut self,
         level: Level,
         g: u32,
         rows: &GridRows<'_>,
         spans: &mut Vec<Span>,
-        upright: bool,
+        (singles, upright): (bool, bool),
     ) -> Option<()> {
         if !is_bounded(level, rows) {
             return None;
@@ -87,22 +133,8 @@ impl<B: Bounds8> Part<B> {
         let grid = &rows.grid;
         let small = block::is_small(grid);
         if (small || block::is_strip(grid)) && g < LOOSE_GRIDS {
-            let count = block::loose_count(grid);
-            let edges = (!small).then(|| edges(rows, count));
-            let (boxes, diagonals) = bound_loose(level, rows, edges.as_ref())?;
-            let boxes = &boxes[..count];
-            let whole = boxes.iter().fold(LinearBox::EMPTY, |a, b| a.union(b));
-            let area: f32 = boxes.iter().map(LinearBox::mean_half_area).sum();
-            if small || area < LOOSE_SHARE * whole.mean_half_area() {
-                let edges = edges.unwrap_or([[Vec3::ZERO; 2]; GROUPS]);
-                let items = boxes.iter().zip(edges).zip(diagonals).zip(0..);
-                self.items
-                    .extend(items.map(|(((&bounds, edges), diagonal), slot)| {
-                        let id = loose_item(g, slot);
-                        Sorted::along(&Item { bounds, id }, edges, diagonal)
-                    }));
-                self.strips += if small { 0 } else { count };
-                self.bounds = self.bounds.union(&whole);
+            let slots = block::loose_slots(grid, singles);
+            if self.add_loose(level, g, rows, slots)? {
                 return Some(());
             }
         }
@@ -145,12 +177,12 @@ impl<B: Bounds8> Part<B> {
     }
 }
 
-/// From end to end of each of a strip's groups, at both ends of the shutter.
-fn edges(rows: &GridRows<'_>, count: usize) -> [[Vec3; 2]; GROUPS] {
+/// From end to end of some of a strip's groups, at both ends of the shutter.
+fn edges(rows: &GridRows<'_>, slots: Range<u32>) -> [[Vec3; 2]; GROUPS] {
     let mut edges = [[Vec3::ZERO; 2]; GROUPS];
     let ends = [0, rows.key_times.len() - 1];
-    for (slot, edges) in edges.iter_mut().enumerate().take(count) {
-        let rect = block::loose(&rows.grid, slot as u32);
+    for (slot, edges) in slots.zip(&mut edges) {
+        let rect = block::loose(&rows.grid, slot);
         *edges = ends.map(|k| Piece::of(rows, rect, k).edge);
     }
     edges

@@ -48,9 +48,11 @@ pub mod object;
 pub mod orient;
 pub mod outline;
 mod radii8;
+mod range;
 pub mod relative;
 pub mod sorted;
 mod split;
+mod thin;
 pub mod turn;
 
 pub use build::Tree;

@@ -26,7 +26,7 @@ use crate::grid::{DicedMesh, PlanarMesh};
 /// are the number of the grid and, in the last [`LOOSE_BITS`], that of the group.
 pub const LOOSE: u32 = 1 << 30;
 /// Bits of the number of a loose group in its grid.
-pub const LOOSE_BITS: u32 = 3;
+pub const LOOSE_BITS: u32 = 5;
 /// Grids from this number on have no loose groups.
 pub const LOOSE_GRIDS: u32 = LOOSE >> LOOSE_BITS;
 

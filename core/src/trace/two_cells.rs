@@ -34,16 +34,17 @@ pub fn test<S: Simd, const MOVING: bool>(
     rect: CellRect,
     accept: impl FnMut(usize, u32, CellHit),
 ) {
-    if rect.w == 1 {
-        strip::<S, MOVING, true>(simd, cells, rays, mesh, g, rect, accept);
-    } else {
-        strip::<S, MOVING, false>(simd, cells, rays, mesh, g, rect, accept);
+    let one = rect.w * rect.h == 1;
+    match (rect.w == 1, one) {
+        (true, false) => strip::<S, MOVING, true, false>(simd, cells, rays, mesh, g, rect, accept),
+        (true, true) => strip::<S, MOVING, true, true>(simd, cells, rays, mesh, g, rect, accept),
+        (false, _) => strip::<S, MOVING, false, false>(simd, cells, rays, mesh, g, rect, accept),
     }
 }
 
-/// The same for cells above each other where `DOWN`, else beside each other.
+/// The same for cells above each other where `DOWN`, else beside each other; and for a single one where `ONE`.
 #[inline(always)]
-fn strip<S: Simd, const MOVING: bool, const DOWN: bool>(
+fn strip<S: Simd, const MOVING: bool, const DOWN: bool, const ONE: bool>(
     simd: S,
     cells: &CellRays,
     (one, rays): (usize, u64),
@@ -70,7 +71,7 @@ fn strip<S: Simd, const MOVING: bool, const DOWN: bool>(
         axes: axes_with(cells.z_axis[one & (PACKET - 1)]),
         p,
         step: &step,
-        two: rect.w * rect.h == 2,
+        two: !ONE && rect.w * rect.h == 2,
         first: u32::from(rect.j) * u32::from(grid.nu) + u32::from(rect.i),
         next: if DOWN { u32::from(grid.nu) } else { 1 },
     };
@@ -79,9 +80,9 @@ fn strip<S: Simd, const MOVING: bool, const DOWN: bool>(
     let mut rest = rays;
     while rest != 0 {
         rest = if S::WIDE && rest.count_ones() > few {
-            part.some::<S, Sixteen, 16, MOVING, DOWN>(simd, rest, &mut accept)
+            part.some::<S, Sixteen, 16, MOVING, DOWN, ONE>(simd, rest, &mut accept)
         } else {
-            part.some::<S, Eight, 8, MOVING, DOWN>(simd, rest, &mut accept)
+            part.some::<S, Eight, 8, MOVING, DOWN, ONE>(simd, rest, &mut accept)
         };
     }
 }
@@ -147,7 +148,14 @@ struct Strip<'a> {
 impl Strip<'_> {
     /// Tests the first `N` of `rest`; which are left.
     #[inline(always)]
-    fn some<S: Simd, W: Width<S, N>, const N: usize, const MOVING: bool, const DOWN: bool>(
+    fn some<
+        S: Simd,
+        W: Width<S, N>,
+        const N: usize,
+        const MOVING: bool,
+        const DOWN: bool,
+        const ONE: bool,
+    >(
         &self,
         simd: S,
         mut rest: u64,
@@ -178,7 +186,8 @@ impl Strip<'_> {
         let [ox, oy, oz, fraction, slope_x, slope_y, ..] = W::columns(simd, own);
         let zero = W::all(simd, 0.0);
         let (mut x, mut y, mut z) = ([zero; 6], [zero; 6], [zero; 6]);
-        for k in 0..6 {
+        let corner_count = if ONE { 4 } else { 6 };
+        for k in 0..corner_count {
             let [row, column] = corners[k];
             let mut corner = [ox, oy, oz];
             for a in 0..3 {
@@ -194,13 +203,17 @@ impl Strip<'_> {
             y[k] = corner[1] - z[k] * slope_y;
         }
         let [missed_a, missed_b] = missed(zero, &x, &y, FIRST);
-        let [missed_c, missed_d] = missed(zero, &x, &y, second);
+        let [missed_c, missed_d] = if ONE {
+            [missed_a, missed_b]
+        } else {
+            missed(zero, &x, &y, second)
+        };
         let all = missed_a & missed_b & missed_c & missed_d;
         if !all.bits() & count == 0 {
             return rest;
         }
         let (mut sx, mut sy, mut sz) = ([[0.0; N]; 6], [[0.0; N]; 6], [[0.0; N]; 6]);
-        for k in 0..6 {
+        for k in 0..corner_count {
             (sx[k], sy[k], sz[k]) = (x[k].to_array(), y[k].to_array(), z[k].to_array());
         }
         let triangles = [
@@ -211,7 +224,7 @@ impl Strip<'_> {
         ];
         for (i, (missed, corners)) in triangles.into_iter().enumerate() {
             let in_second = i >= 2;
-            if in_second && !self.two {
+            if in_second && (ONE || !self.two) {
                 break;
             }
             let mut found = !missed & count;

@@ -61,11 +61,12 @@ impl Kernel for Exhaustive<'_> {
 fn scene(rng: &mut Rng) -> DicedMesh {
     let k = keys(1 + rng.below(3));
     let seed = rng.bits();
-    let mut out = match rng.below(5) {
+    let mut out = match rng.below(6) {
         0 => sheet(2, 9, &k),
         1 => patches(6, 7, &k, seed),
         2 => fur(20, &k, seed),
         3 => combed(30, 0.01, &k, seed),
+        4 => thin(30, &k, seed),
         _ => {
             let noise: Vec<Vec3> = (0..256).map(|_| rng.cube()).collect();
             mesh(&[(5, 3), (1, 1), (2, 9)], &k, |g, u, v, t| {

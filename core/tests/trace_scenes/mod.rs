@@ -174,6 +174,23 @@ pub fn combed(count: usize, width: f32, keys: &[f32], seed: u64) -> DicedMesh {
     })
 }
 
+/// Strands from anywhere in a cube to anywhere, so thin that each micropolygon is an item of the tree; along rows of their grids and
+/// across them.
+pub fn thin(count: usize, keys: &[f32], seed: u64) -> DicedMesh {
+    let mut rng = Rng(seed);
+    let who: Vec<_> = (0..count)
+        .map(|_| [rng.cube(), rng.cube(), rng.cube() * 0.3, rng.direction()])
+        .collect();
+    let rates: Vec<_> = (0..count)
+        .map(|g| if g % 2 == 0 { (1, 16) } else { (16, 1) })
+        .collect();
+    mesh(&rates, keys, move |g, u, v, t| {
+        let [from, to, sway, across] = who[g];
+        let (u, v) = if g % 2 == 0 { (u, v) } else { (v, u) };
+        from + (to - from) * v + sway * (t * v * v) + across * (0.0015 * (u - 0.5))
+    })
+}
+
 /// A closed unit sphere: six faces of a cube, `n` by `n` grids each, edge vertices with the same bits
 /// on both sides. It breathes and shears over time.
 pub fn sphere(n: usize, rate: u16, keys: &[f32]) -> DicedMesh {

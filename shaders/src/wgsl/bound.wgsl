@@ -48,7 +48,7 @@ const FRAME_WORDS: u32 = select(9u, 15u, MOVES);
 const TURNS: u32 = 0x80000000u;
 const LOOSE: u32 = 0x40000000u;
 // Grids from this number on have no loose groups.
-const LOOSE_GRIDS: u32 = 0x08000000u;
+const LOOSE_GRIDS: u32 = 0x02000000u;
 // Micropolygons along a loose group of a strip.
 const LOOSE_LENGTH: u32 = 2u;
 
@@ -473,7 +473,7 @@ fn bound(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) group
     store_box(i, box);
     var reach = i32(most);
     if loose {
-        references[i] = LEAF | LOOSE | (item.grid << 3u) | item.slot;
+        references[i] = LEAF | LOOSE | (item.grid << 5u) | item.slot;
     } else {
         let block = starts[item.number].y + item.slot * BLOCK_UNITS;
         var frame = 0u;

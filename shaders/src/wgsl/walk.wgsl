@@ -19,7 +19,7 @@
 @group(1) @binding(2) var<uniform> launch: TraceLaunch;
 
 const WORKGROUP: u32 = 64u;
-// Micropolygons along a loose group of a strip.
+// Micropolygons along a loose group of a strip, unless it is a single one.
 const LOOSE_LENGTH: u32 = 2u;
 // Instance of a miss.
 const NONE: u32 = 0xffffffffu;
@@ -68,19 +68,22 @@ fn carried(instance: Instance, origin: vec3<f32>, dir: vec3<f32>, time: f32) -> 
 
 // The micropolygons of a loose group, as core's bvh/block.rs cuts them.
 fn loose_rect(object: Object, item: u32) -> Rect {
-    let grid = (item & ~(LEAF | LOOSE)) >> 3u;
-    let slot = item & 7u;
+    let grid = (item & ~(LEAF | LOOSE)) >> 5u;
+    let slot = item & 31u;
     let rates = words[object.grids + 2u * grid + 1u];
     let w = rates & 0xffffu;
     let h = rates >> 16u;
     if w <= 4u && h <= 2u {
         return Rect(grid, 0u, 0u, w, h);
     }
-    let start = slot * LOOSE_LENGTH;
+    // Numbers from 8 on are of single ones.
+    let single = slot >= 8u;
+    let length = select(LOOSE_LENGTH, 1u, single);
+    let start = select(slot * LOOSE_LENGTH, slot - 8u, single);
     if w == 1u {
-        return Rect(grid, 0u, start, w, min(LOOSE_LENGTH, h - start));
+        return Rect(grid, 0u, start, w, min(length, h - start));
     }
-    return Rect(grid, start, 0u, min(LOOSE_LENGTH, w - start), h);
+    return Rect(grid, start, 0u, min(length, w - start), h);
 }
 
 // Micropolygons of a group of a block; `span` is its rectangle and its groups, as bytes.

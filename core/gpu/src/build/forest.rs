@@ -155,7 +155,7 @@ pub(crate) fn items_of(number: u32, grid: &Grid) -> (u32, u32) {
 fn loose_count(number: u32, grid: &Grid) -> u32 {
     let loose = block::is_small(grid) || block::is_strip(grid);
     match loose && number < LOOSE_GRIDS {
-        true => block::loose_count(grid) as u32,
+        true => block::loose_slots(grid, false).end,
         false => 0,
     }
 }
