@@ -60,7 +60,7 @@ impl Tries {
     ) -> Option<Turned<B>> {
         let before = self.0;
         self.0 = before.wrapping_add(1);
-        if before >= PATIENCE && before % EVERY != 0 {
+        if before >= PATIENCE && !before.is_multiple_of(EVERY) {
             return None;
         }
         let turned = strands.turn::<B>(items);
