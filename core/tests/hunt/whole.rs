@@ -9,7 +9,7 @@ use hdtrapeze_core::trace::object_ray::ObjectRay;
 use hdtrapeze_core::trace::{Hit, InstanceTransform, Ray, TraceCounts, World};
 use hdtrapeze_simd::{Kernel, Level, Scalar, Simd};
 
-use crate::trace_scenes::{Rng, combed, fur, instance, keys, mesh, object, patches, sheet};
+use crate::trace_scenes::{Rng, combed, fur, instance, keys, mesh, object, patches, sheet, thin};
 
 /// The nearest hit, of all cells of a mesh.
 struct Exhaustive<'a>(&'a PlanarMesh, &'a Ray, f32);
