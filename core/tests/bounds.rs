@@ -562,9 +562,34 @@ fn micropolygons_of_thin_strands_are_items() {
         };
         assert_eq!(groups(combed(300, 0.003, &keys(k), 1)), 300 * 8);
         assert_eq!(groups(combed(300, 0.0005, &keys(k), 1)), 300 * 16);
-        assert_eq!(groups(thin(1000, &keys(k), 1)), 1000 * 16);
+        let lengths = (3..=16).map(|n| 2 * n).sum::<u64>();
+        assert_eq!(groups(thin(28 * 20, &keys(k), 1)), 20 * lengths);
         // Nothing is there to be hit.
         assert_eq!(groups(combed(300, 0.0, &keys(k), 1)), 300 * 8);
+    }
+}
+
+/// Where frames were tried in vain before, too: of fur whose strands cross, for some.
+#[test]
+fn one_thread_builds_the_same_trees_over_strands() {
+    for mesh in [
+        fur(3000, &keys(1), 1),
+        combed(3000, 0.003, &keys(2), 1),
+        thin(2000, &keys(1), 1),
+    ] {
+        let pool = |threads| {
+            rayon::ThreadPoolBuilder::new()
+                .num_threads(threads)
+                .build()
+                .expect("a pool")
+        };
+        let [one, four] = [1, 4].map(|threads| {
+            let object = pool(threads).install(|| ObjectGeometry::plain(mesh.clone()));
+            let words = format!("{:?}", object.blas());
+            assert!(object.stats().nodes > 3000 && words.len() > 1 << 20);
+            words
+        });
+        assert!(one == four);
     }
 }
 

@@ -38,6 +38,10 @@ pub fn expect_large<T>(items: &mut Vec<T>) {
     }
 }
 
+/// Elsewhere the system decides.
+#[cfg(not(target_os = "linux"))]
+pub fn expect_large<T>(_: &mut Vec<T>) {}
+
 /// Joins parts in large pages, in parallel: what `each` makes of each item, given the number of its part.
 pub fn joined<T: Copy + Send + Sync>(
     parts: Vec<&[T]>,
@@ -67,10 +71,6 @@ pub fn joined<T: Copy + Send + Sync>(
     };
     items
 }
-
-/// Elsewhere the system decides.
-#[cfg(not(target_os = "linux"))]
-pub fn expect_large<T>(_: &mut Vec<T>) {}
 
 /// The large pages that lie within so many bytes.
 #[cfg(any(target_os = "linux", test))]
@@ -123,6 +123,34 @@ mod tests {
             (usize::MAX - 5, 5, None),
         ] {
             assert_eq!(large_pages(start, bytes), expected, "{start} {bytes}");
+        }
+    }
+
+    #[test]
+    fn parts_are_joined_in_their_order() {
+        for lengths in [
+            &[][..],
+            &[0],
+            &[3],
+            &[0, 5, 0, 1, 7],
+            &[1_500_000, 0, 2_000_000, 1],
+        ] {
+            let mut next = 0u32;
+            let parts: Vec<Vec<u32>> = lengths
+                .iter()
+                .map(|&length| {
+                    next += length;
+                    (next - length..next).collect()
+                })
+                .collect();
+            let slices = parts.iter().map(Vec::as_slice).collect();
+            let all = joined(slices, |k, &x| 8 * x + k as u32);
+            if next > 1 << 20 {
+                assert_ne!(were_asked_for(&all), Some(false));
+            }
+            let expected = (0u32..).zip(&parts);
+            let expected = expected.flat_map(|(k, part)| part.iter().map(move |&x| 8 * x + k));
+            assert!(all.into_iter().eq(expected), "{lengths:?}");
         }
     }
 

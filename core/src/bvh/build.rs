@@ -12,7 +12,7 @@
 //! Of many items, the first splits are made over cells of a grid, which hold a few each ([`super::coarse`]).
 //!
 //! The result does not depend on the number of threads: parallel work only joins minima, maxima and
-//! counts, and subtrees are appended in child order.
+//! counts. Each large range is one thread's task, with nodes of its own; in the end all are put together, in the order of children.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -119,10 +119,11 @@ pub fn build_sorted<B: Bounds8>(
     let grown = if count >= COARSE_ITEMS && numbered(&parts) {
         let coarse = coarse(below.level, &parts);
         let items = Items::Numbered(&coarse.order, &coarse.chunks);
-        grow(
-            Range::new(items, coarse.extent, coarse.known.as_deref()),
-            below,
-        )
+        let range = Range::new(items, coarse.extent, coarse.known.as_deref());
+        let grown = grow(range, below);
+        drop(coarse);
+        drop(parts);
+        grown
     } else {
         let mut items = parts.concat();
         drop(parts);
@@ -231,34 +232,38 @@ struct Grown<B: Bounds8> {
 const _: () = assert!(MOST_ITEMS <= PARALLEL_ITEMS);
 
 /// Builds the tree over a range, in parallel where that is large.
-fn grow<B: Bounds8>(mut range: Range<'_, B::Hull>, mut below: Below<'_>) -> Grown<B> {
-    let mut tree = Tree::of_none();
-    let count = range.items.len();
-    if count <= PARALLEL_ITEMS || below.cancel.load(Ordering::Relaxed) {
-        let tries = &mut Tries::default();
-        if count <= PARALLEL_ITEMS {
-            tree.nodes.reserve(count / 4 + 1);
-            // Into this thread's caches.
-            let there = Items::There(range.items.side_by_side());
-            let range = Range::new(there, range.extent, range.known);
-            tree.root = build_child(&mut tree, range, below, tries);
-        } else {
-            tree.root = build_child(&mut tree, range, below, tries);
-        }
-        return Grown {
-            tree,
-            below: Vec::new(),
-        };
+fn grow<B: Bounds8>(range: Range<'_, B::Hull>, mut below: Below<'_>) -> Grown<B> {
+    let mut grown = Grown {
+        tree: Tree::of_none(),
+        below: Vec::new(),
+    };
+    let tree = &mut grown.tree;
+    if let Some(item) = range.items.first()
+        && below.cancel.load(Ordering::Relaxed)
+    {
+        tree.root = Tree::<B>::LEAF | item.id();
+        return grown;
+    }
+    let (mut items, extent, known) = (range.items, range.extent, range.known);
+    let count = items.len();
+    let range = if count <= PARALLEL_ITEMS || known.is_none() {
+        // Into this thread's caches, or since they are split by themselves.
+        Range::new(Items::There(items.side_by_side()), extent, known)
+    } else {
+        Range::new(items, extent, known)
+    };
+    if count <= PARALLEL_ITEMS {
+        tree.nodes.reserve(count / 4 + 1);
+        tree.root = build_child(tree, range, below, &mut Tries::default());
+        return grown;
     }
     let ranges = children(range, below.level, below.kind, below.depth);
     tree.root = 0;
     tree.nodes.push(node_over(&ranges, below));
     below.depth += 1;
     let children = ranges.into_par_iter().map(|range| grow(range, below));
-    Grown {
-        tree,
-        below: children.collect(),
-    }
+    grown.below = children.collect();
+    grown
 }
 
 /// Nodes of a piece, and what is added to the numbers of nodes and frames in there.
@@ -279,6 +284,7 @@ impl<B: Bounds8> Grown<B> {
         let mut pieces = Vec::new();
         let mut tree = Tree::of_none();
         let mut count = 0;
+        hdtrapeze_pages::reserve(&mut tree.frames, self.frame_count());
         tree.root = self.place(&mut pieces, &mut count, &mut tree.frames);
         let nodes = pieces.iter().map(|piece| piece.nodes.as_slice()).collect();
         tree.nodes = hdtrapeze_pages::joined(nodes, |k, node: &Node<B>| {
@@ -295,6 +301,12 @@ impl<B: Bounds8> Grown<B> {
             node
         });
         tree
+    }
+
+    /// Frames besides the identity.
+    fn frame_count(&self) -> usize {
+        let below = self.below.iter().map(Self::frame_count);
+        self.tree.frames.len() - 1 + below.sum::<usize>()
     }
 
     /// Says where each piece goes; gives the reference of its root.

@@ -1,5 +1,5 @@
 //! The first splits of many items: over the cells of a regular grid, so that items are read three times in all rather
-//! than twice a level, and copied only into a thread's caches.
+//! than twice a level, and most often copied only into a thread's caches.
 //!
 //! Cells hold a few items each, by their centres, and know what these extend over, exactly. Ranges of cells are split like
 //! ranges of items, as long as there are so many cells that planes between them are as good as those

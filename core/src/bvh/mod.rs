@@ -17,7 +17,7 @@
 //!
 //! **Shape.** A grid is cut into *blocks* of up to 8x8 micropolygons ([`block`]). A block is one node
 //! with 8 implicit children, each a *group* of up to 4x2 micropolygons: no pointers. Small grids and tilted
-//! strands need no block: the tree refers to their groups ([`gather`]). Over all stands a tree of 8-wide nodes
+//! strands need no block: the tree refers to their groups ([`gather`]), and to each micropolygon of thin strands ([`thin`]). Over all stands a tree of 8-wide nodes
 //! ([`build`]), built by binned SAH on the time-averaged area. The 8 children of a node share one frame
 //! ([`frame`]): the identity (an AABB) or a rotation, chosen where surface-area cost says that it pays, for single
 //! blocks ([`bound`]), whose frames follow a normal that turns ([`turn`]), and for subtrees over strands ([`orient`]).

@@ -27,7 +27,7 @@ use crate::grid::{DicedMesh, PlanarMesh};
 pub const LOOSE: u32 = 1 << 30;
 /// Bits of the number of a loose group in its grid.
 pub const LOOSE_BITS: u32 = 5;
-/// Grids from this number on have no loose groups.
+/// Grids from this number on, 33.5 million, have no loose groups, but blocks.
 pub const LOOSE_GRIDS: u32 = LOOSE >> LOOSE_BITS;
 
 /// The item of a tree for loose group `slot` of a grid.

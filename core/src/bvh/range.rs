@@ -1,8 +1,9 @@
 //! Ranges of items while a tree is built: each becomes a child of a node.
 
 use hdtrapeze_simd::{Level, Scalar};
+use rayon::prelude::*;
 
-use super::build::Nodes;
+use super::build::{Nodes, PARALLEL_ITEMS};
 use super::coarse::{Chunks, Known};
 use super::sorted::{Hull, Sorted};
 use super::split::{Extent, split};
@@ -13,8 +14,8 @@ pub enum Items<'a, H: Hull> {
     There(&'a mut [Sorted<H>]),
     /// The same, by themselves.
     Own(Vec<Sorted<H>>),
-    /// By their numbers, in the order of splits that are known: many items are copied only when a thread comes to those that
-    /// its caches hold.
+    /// By their numbers, in the order of splits that are known: as long as these last, items are copied only when a thread comes to
+    /// as many as its caches hold.
     Numbered(&'a [u32], &'a Chunks<'a, H>),
 }
 
@@ -40,7 +41,15 @@ impl<'a, H: Hull> Items<'a, H> {
     /// All of them side by side, so that they may change places.
     pub fn side_by_side(&mut self) -> &mut [Sorted<H>] {
         if let Self::Numbered(numbers, chunks) = self {
-            *self = Self::Own(numbers.iter().map(|&i| *chunks.item(i)).collect());
+            let item = |&i: &u32| *chunks.item(i);
+            *self = Self::Own(if numbers.len() > PARALLEL_ITEMS {
+                let mut items = Vec::new();
+                hdtrapeze_pages::reserve(&mut items, numbers.len());
+                numbers.par_iter().map(item).collect_into_vec(&mut items);
+                items
+            } else {
+                numbers.iter().map(item).collect()
+            });
         }
         match self {
             Self::There(items) => items,
@@ -122,7 +131,7 @@ impl<'a, H: Hull> Range<'a, H> {
 }
 
 /// Each item of a range by itself.
-pub fn singles<'a, H: Hull>(items: Items<'a, H>, ranges: &mut Vec<Range<'a, H>>) {
+fn singles<'a, H: Hull>(items: Items<'a, H>, ranges: &mut Vec<Range<'a, H>>) {
     match items {
         Items::There(items) => {
             let all = items.chunks_mut(1).map(|item| {

@@ -13,8 +13,9 @@
 
 use glam::Vec3;
 
+use super::COORDINATE_LIMIT;
 use super::block::{is_small, is_strip};
-use crate::grid::{DicedMesh, MAX_GRID_RATE};
+use crate::grid::DicedMesh;
 
 /// What the boxes around every two micropolygons of strands have of these strands' area, at least, where strands are thin.
 const THIN: f64 = 50.0;
@@ -25,29 +26,37 @@ const SAMPLES: usize = 1024;
 /// True where strands are thin, by some of them as they are at the first key. Not where there is nothing to be hit.
 pub fn are_thin(mesh: &DicedMesh) -> bool {
     let every = mesh.grids.len().div_ceil(SAMPLES).max(1);
+    let looked_at = || (0..mesh.grids.len()).step_by(every);
+    let is_strand = |&g: &usize| is_strip(&mesh.grids[g]) && !is_small(&mesh.grids[g]);
+    if !looked_at().any(|g| is_strand(&g)) {
+        return false;
+    }
+    let sound = mesh.sound_grids();
     let (mut boxes, mut strands) = (0.0, 0.0);
-    for grid in mesh.grids.iter().step_by(every) {
-        let [nu, nv] = [grid.nu, grid.nv].map(usize::from);
-        if is_small(grid) || !is_strip(grid) || u32::from(grid.nu.max(grid.nv)) > MAX_GRID_RATE {
-            continue;
-        }
-        // It need not be sound.
+    for g in looked_at().filter(is_strand).filter(|&g| sound[g]) {
+        let grid = &mesh.grids[g];
         let first = grid.first_vertex as usize * mesh.key_count();
         let Some(p) = mesh.positions.get(first..first + grid.vertex_count()) else {
             continue;
         };
+        // Comparisons with NaN are false.
+        if !p
+            .iter()
+            .all(|p| p.abs().cmplt(Vec3::splat(COORDINATE_LIMIT)).all())
+        {
+            continue;
+        }
+        let [nu, nv] = [grid.nu, grid.nv].map(usize::from);
         let at = |station: usize, side: usize| match nu {
             1 => p[2 * station + side],
             _ => p[(nu + 1) * side + station],
         };
         for station in (0..nu.max(nv) - 1).step_by(2) {
-            let edge: Vec3 = at(station + 2, 0) - at(station, 0);
+            let edge = at(station + 2, 0) - at(station, 0);
             let [x, y, z] = edge.abs().to_array().map(f64::from);
             let width = at(station + 1, 0).distance(at(station + 1, 1));
-            let (own, strand) = (x * y + y * z + z * x, f64::from(edge.length() * width));
-            if own.is_finite() && strand.is_finite() {
-                (boxes, strands) = (boxes + own, strands + strand);
-            }
+            boxes += x * y + y * z + z * x;
+            strands += f64::from(edge.length()) * f64::from(width);
         }
     }
     strands > 0.0 && boxes > THIN * strands
@@ -102,9 +111,9 @@ mod tests {
         bad.grids[0].first_vertex = 7;
         assert!(!are_thin(&bad));
         let mut bad = strand(Vec3::ONE, 1e-3, false);
-        bad.positions[20].x = f32::NAN;
-        assert!(are_thin(&bad));
-        bad.positions.fill(Vec3::NAN);
-        assert!(!are_thin(&bad));
+        for x in [f32::NAN, f32::INFINITY, COORDINATE_LIMIT] {
+            bad.positions[33].x = x;
+            assert!(!are_thin(&bad));
+        }
     }
 }

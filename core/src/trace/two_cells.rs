@@ -1,4 +1,4 @@
-//! Groups of two micropolygons, the parts of strands: 8 or 16 rays at once against their four triangles.
+//! Groups of two micropolygons, or one, the parts of strands: 8 or 16 rays at once against their triangles.
 //!
 //! A group of 4 x 2 fills a vector with one ray. Of a part of a strand a quarter of that would be used, while a packet
 //! brings many rays to each; so a vector has one number of 8 rays here, or of 16 where there are as many and one register holds them. The operations are those of [`super::cell`] in the
@@ -34,8 +34,8 @@ pub fn test<S: Simd, const MOVING: bool>(
     rect: CellRect,
     accept: impl FnMut(usize, u32, CellHit),
 ) {
-    let one = rect.w * rect.h == 1;
-    match (rect.w == 1, one) {
+    let single = rect.w * rect.h == 1;
+    match (rect.w == 1, single) {
         (true, false) => strip::<S, MOVING, true, false>(simd, cells, rays, mesh, g, rect, accept),
         (true, true) => strip::<S, MOVING, true, true>(simd, cells, rays, mesh, g, rect, accept),
         (false, _) => strip::<S, MOVING, false, false>(simd, cells, rays, mesh, g, rect, accept),
@@ -71,7 +71,6 @@ fn strip<S: Simd, const MOVING: bool, const DOWN: bool, const ONE: bool>(
         axes: axes_with(cells.z_axis[one & (PACKET - 1)]),
         p,
         step: &step,
-        two: !ONE && rect.w * rect.h == 2,
         first: u32::from(rect.j) * u32::from(grid.nu) + u32::from(rect.i),
         next: if DOWN { u32::from(grid.nu) } else { 1 },
     };
@@ -138,8 +137,6 @@ struct Strip<'a> {
     p: &'a [f32; STRIP],
     /// How far they go until it ends.
     step: &'a [f32; STRIP],
-    /// There is a second micropolygon.
-    two: bool,
     /// The number of the first one, and what is added for the second.
     first: u32,
     next: u32,
@@ -224,7 +221,7 @@ impl Strip<'_> {
         ];
         for (i, (missed, corners)) in triangles.into_iter().enumerate() {
             let in_second = i >= 2;
-            if in_second && (ONE || !self.two) {
+            if in_second && ONE {
                 break;
             }
             let mut found = !missed & count;

@@ -1,7 +1,7 @@
 //! Parts of strands that wait, each for one ray: 8 of them are tested at once, whoever they wait for.
 //!
 //! A packet of rays that go one way brings many of them to each part ([`super::two_cells`]); rays that have little in common
-//! come alone, and a part of two micropolygons fills a quarter of a vector. So parts wait until there are eight, and, unless
+//! come alone, and a part of two micropolygons, or one, fills a quarter of a vector, or less. So parts wait until there are eight, and, unless
 //! there are more than sixteen, for one more step of their rays, in which vertices come from memory. The operations are those of [`super::cell`] in the same order, so hits are the same.
 
 use hdtrapeze_simd::{Float, Mask, Simd};
@@ -171,20 +171,24 @@ impl Waits {
         }
         let [missed_a, missed_b] = missed(zero, &x, &y, FIRST);
         let [missed_c, missed_d] = missed(zero, &x, &y, SECOND);
-        let all = missed_a & missed_b & missed_c & missed_d;
-        if !all.bits() & lanes == 0 {
+        // Of a single micropolygon there is no second.
+        let mut single = 0;
+        for (k, wait) in waits.iter().enumerate() {
+            single |= u32::from(!wait.two) << k;
+        }
+        let missed = [
+            missed_a.bits(),
+            missed_b.bits(),
+            missed_c.bits() | single,
+            missed_d.bits() | single,
+        ];
+        if !(missed[0] & missed[1] & missed[2] & missed[3]) & lanes == 0 {
             return;
         }
         let (mut sx, mut sy, mut sz) = ([[0.0; PARTS]; 6], [[0.0; PARTS]; 6], [[0.0; PARTS]; 6]);
         for k in 0..6 {
             (sx[k], sy[k], sz[k]) = (x[k].to_array(), y[k].to_array(), z[k].to_array());
         }
-        let missed = [
-            missed_a.bits(),
-            missed_b.bits(),
-            missed_c.bits(),
-            missed_d.bits(),
-        ];
         for (i, missed) in missed.into_iter().enumerate() {
             let in_second = i >= 2;
             let mut found = !missed & lanes;
@@ -192,9 +196,6 @@ impl Waits {
                 let lane = found.trailing_zeros() as usize & (PARTS - 1);
                 found &= found - 1;
                 let wait = &waits[lane];
-                if in_second && !wait.two {
-                    continue;
-                }
                 // Sides and rows change places along rows, and so do a micropolygon's triangles.
                 let corners = TRIANGLES[usize::from(wait.along_rows)][i];
                 let corners = corners.map(

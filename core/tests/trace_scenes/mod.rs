@@ -174,15 +174,19 @@ pub fn combed(count: usize, width: f32, keys: &[f32], seed: u64) -> DicedMesh {
     })
 }
 
-/// Strands from anywhere in a cube to anywhere, so thin that each micropolygon is an item of the tree; along rows of their grids and
-/// across them.
+/// Strands from anywhere in a cube to anywhere, so thin that each micropolygon is an item of the tree; of all lengths, along rows of
+/// their grids and across them.
 pub fn thin(count: usize, keys: &[f32], seed: u64) -> DicedMesh {
     let mut rng = Rng(seed);
     let who: Vec<_> = (0..count)
         .map(|_| [rng.cube(), rng.cube(), rng.cube() * 0.3, rng.direction()])
         .collect();
+    let lengths = |g: usize| 3 + (g / 2 % 14) as u16;
     let rates: Vec<_> = (0..count)
-        .map(|g| if g % 2 == 0 { (1, 16) } else { (16, 1) })
+        .map(|g| match g % 2 {
+            0 => (1, lengths(g)),
+            _ => (lengths(g), 1),
+        })
         .collect();
     mesh(&rates, keys, move |g, u, v, t| {
         let [from, to, sway, across] = who[g];

@@ -51,6 +51,8 @@ const LOOSE: u32 = 0x40000000u;
 const LOOSE_GRIDS: u32 = 0x02000000u;
 // Micropolygons along a loose group of a strip.
 const LOOSE_LENGTH: u32 = 2u;
+// Bits of its number.
+const LOOSE_BITS: u32 = 5u;
 
 // A rectangle of micropolygons, and the groups that it is cut into.
 struct Span {
@@ -473,7 +475,7 @@ fn bound(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) group
     store_box(i, box);
     var reach = i32(most);
     if loose {
-        references[i] = LEAF | LOOSE | (item.grid << 5u) | item.slot;
+        references[i] = LEAF | LOOSE | (item.grid << LOOSE_BITS) | item.slot;
     } else {
         let block = starts[item.number].y + item.slot * BLOCK_UNITS;
         var frame = 0u;

@@ -21,6 +21,9 @@
 const WORKGROUP: u32 = 64u;
 // Micropolygons along a loose group of a strip, unless it is a single one.
 const LOOSE_LENGTH: u32 = 2u;
+// Bits of its number, and the first number of a single one.
+const LOOSE_BITS: u32 = 5u;
+const SINGLES: u32 = 8u;
 // Instance of a miss.
 const NONE: u32 = 0xffffffffu;
 
@@ -68,18 +71,17 @@ fn carried(instance: Instance, origin: vec3<f32>, dir: vec3<f32>, time: f32) -> 
 
 // The micropolygons of a loose group, as core's bvh/block.rs cuts them.
 fn loose_rect(object: Object, item: u32) -> Rect {
-    let grid = (item & ~(LEAF | LOOSE)) >> 5u;
-    let slot = item & 31u;
+    let grid = (item & ~(LEAF | LOOSE)) >> LOOSE_BITS;
+    let slot = item & ((1u << LOOSE_BITS) - 1u);
     let rates = words[object.grids + 2u * grid + 1u];
     let w = rates & 0xffffu;
     let h = rates >> 16u;
     if w <= 4u && h <= 2u {
         return Rect(grid, 0u, 0u, w, h);
     }
-    // Numbers from 8 on are of single ones.
-    let single = slot >= 8u;
+    let single = slot >= SINGLES;
     let length = select(LOOSE_LENGTH, 1u, single);
-    let start = select(slot * LOOSE_LENGTH, slot - 8u, single);
+    let start = select(slot * LOOSE_LENGTH, slot - SINGLES, single);
     if w == 1u {
         return Rect(grid, 0u, start, w, min(length, h - start));
     }

@@ -8,8 +8,8 @@
 //! a world of thousands of objects takes no more dispatches than one. Which items there are follows from the rates
 //! of grids ([`forest`]), so that their places are known before anything runs; nodes get theirs once they are counted.
 //!
-//! **Where trees differ from core's.** They are not in a carried space nor turned along strands, no block is halved, and
-//! all strips are loose. Blocks are turned along their lattices, as core's.
+//! **Where trees differ from core's.** They are not in a carried space nor turned along strands, no block is halved,
+//! all strips are loose, and parts of these are always two micropolygons. Blocks are turned along their lattices, as core's.
 //!
 //! **Instances.** The tree over them is made in the same way, over the bounds that core proves of each, and anew whenever
 //! something moves. Few that move have a tree of their own, as core's.

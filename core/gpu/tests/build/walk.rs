@@ -5,6 +5,7 @@ use std::rc::Rc;
 
 use glam::DVec3;
 use hdtrapeze_core::bvh::LinearBox;
+use hdtrapeze_core::bvh::object::loose_group;
 use hdtrapeze_core::grid::{DicedMesh, PlanarMesh};
 use hdtrapeze_core::trace::World;
 use hdtrapeze_gpu::contents::Contents;
@@ -127,7 +128,8 @@ impl Walk<'_> {
         if reference & LOOSE != 0 {
             self.counts[2] += 1;
             let item = reference & !(LEAF | LOOSE);
-            let (g, slot) = ((item >> 3) as usize, item & 7);
+            let (g, slot) = loose_group(item).ok_or("a loose group is a block")?;
+            let g = g as usize;
             let [w, h] = self.rates(g);
             let rect = match (w, h) {
                 _ if w <= 4 && h <= 2 => [0, 0, w, h],
