@@ -3,7 +3,7 @@
 //! A grid that is no larger than a group is an item by itself. So is each group of a *strip* (a strand of
 //! fur) whose box is mostly empty: groups of neighbouring strands fill boxes of the tree far better than
 //! those of one strand fill a box that is as long as the strand, whatever way strands lean, and one level is
-//! saved. All other grids are cut into blocks ([`super::block`]).
+//! saved. Of [thin](super::thin) strands each micropolygon is one. All other grids are cut into blocks ([`super::block`]).
 //!
 //! Runs of grids are gathered in parallel, each while its vertices are near: right after they were turned
 //! into rows.

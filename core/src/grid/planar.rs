@@ -105,7 +105,7 @@ impl Lattice<'_> {
     ) -> [[S::F16; 3]; KEYS] {
         simd.lattices::<KEYS>(self.floats, self.first, self.columns, self.key, axes)
     }
-    /// The coordinates at the first key, or `k` keys later, of two micropolygons in a row, 2 or 3 `columns` of vertices:
+    /// The coordinates at the first key, or `k` keys later, of two micropolygons in a row, or of one and what follows it, 2 or 3 `columns` of vertices:
     /// row by row, x before y before z. `room` is for those that are apart in memory.
     ///
     /// # Panics

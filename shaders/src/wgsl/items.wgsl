@@ -1,5 +1,5 @@
 // What trees are made over: blocks, and loose groups. Which there are follows from the rates of grids alone: core's
-// bvh/block.rs, but that nothing is halved and that all strips are loose.
+// bvh/block.rs, but that nothing is halved and that all strips are loose, two micropolygons a part.
 
 @group(0) @binding(2) var<storage, read> objects: array<BuildObject>;
 // First item of each grid, and the place of its first block. Grids that are not sound have none.
