@@ -127,8 +127,7 @@ impl Walk<'_> {
         }
         if reference & LOOSE != 0 {
             self.counts[2] += 1;
-            let item = reference & !(LEAF | LOOSE);
-            let (g, slot) = loose_group(item).ok_or("a loose group is a block")?;
+            let (g, slot) = loose_group(reference & !LEAF).ok_or("a loose group is a block")?;
             let g = g as usize;
             let [w, h] = self.rates(g);
             let rect = match (w, h) {
