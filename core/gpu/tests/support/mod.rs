@@ -63,7 +63,7 @@ pub fn objects() -> Vec<Traced> {
         ("patches", |keys| world_of(patches(40, 7, keys, 3)), 100),
         ("fur", |keys| world_of(fur(200, keys, 4)), 30),
         ("combed", |keys| world_of(combed(200, 0.05, keys, 4)), 100),
-        ("thin", |keys| world_of(thin(300, keys, 4)), 30),
+        ("thin", |keys| world_of(thin(1000, keys, 4)), 60),
         ("sphere", |keys| world_of(sphere(2, 5, keys)), 200),
     ]
 }
