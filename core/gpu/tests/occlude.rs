@@ -630,7 +630,8 @@ fn main() {
                 format!("rays_through_{name}_with_{key_count}_keys"),
                 Box::new(move |tracer| rays_that_end(tracer, &make(&keys(key_count)), u64::MAX, 1)),
             );
-            if name != "fur" {
+            // Normals of what is so narrow are rounded farther than they are compared.
+            if !["fur", "thin"].contains(&name) {
                 add(
                     format!("shares_of_{name}_with_{key_count}_keys"),
                     Box::new(move |tracer| shares_of(tracer, &make(&keys(key_count)))),
