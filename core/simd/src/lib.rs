@@ -110,6 +110,9 @@ pub trait Simd: Copy + Debug {
         to: &mut [f32; 8],
         words_to: &mut [u32; 8],
     );
+    /// The number of the smallest of those lanes whose bits are set, 7 where there are none. What is smaller by less than 8
+    /// units in the last place may come after, and what is below 0, or -0, comes after all others.
+    fn smallest(self, mask: u32, x: Self::F8) -> usize;
     /// 16 copies.
     fn all16(self, x: f32) -> Self::F16;
     /// 16 lanes.

@@ -211,6 +211,14 @@ impl Simd for Scalar {
         }
     }
     #[inline]
+    fn smallest(self, mask: u32, x: Array<8>) -> usize {
+        let key = |i: usize| match mask >> i & 1 {
+            1 => x.0[i].to_bits() & !7 | i as u32,
+            _ => u32::MAX,
+        };
+        (0..8).map(key).fold(u32::MAX, u32::min) as usize & 7
+    }
+    #[inline]
     fn all16(self, x: f32) -> Array<16> {
         Array([x; 16])
     }

@@ -105,6 +105,12 @@ impl Kernel for Everything {
                 .map(|x| x.to_bits())
                 .chain(words[..count].iter().copied()),
         );
+        // Also lanes that are equal but for the last bits, and negative ones.
+        let mut near = a8;
+        near[self.seed as usize & 7] = near[self.seed as usize >> 3 & 7].next_up();
+        out.push(s.smallest(mask, s.from8(&near)) as u32);
+        out.push(s.smallest(mask, s.from8(&near.map(f32::abs))) as u32);
+        out.push(s.smallest(0, s.from8(&near)) as u32);
         let less = a16.lt(s.swapped(a16));
         let (less, equal) = (less | s.swapped(a16).lt(a16), b16.le(-s.swapped(b16)));
         let bits = s.more_bits(s.no_bits(), less, 63);

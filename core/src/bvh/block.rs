@@ -169,6 +169,16 @@ pub fn loose_slots(grid: &Grid, singles: bool) -> Range<u32> {
     }
 }
 
+/// The first micropolygon of a loose group of a strip, and how many there are unless the strip ends before.
+#[inline(always)]
+pub fn part_of_strip(slot: u32) -> (u8, u8) {
+    let slot = slot as u8;
+    match slot.checked_sub(GROUPS as u8) {
+        Some(single) => (single, 1),
+        None => (slot * LOOSE_LENGTH, LOOSE_LENGTH),
+    }
+}
+
 /// A group that the tree refers to without a block: all of a small grid, or a part of a strip.
 #[inline(always)]
 pub fn loose(grid: &Grid, slot: u32) -> CellRect {
@@ -177,11 +187,7 @@ pub fn loose(grid: &Grid, slot: u32) -> CellRect {
     if is_small(grid) {
         return whole;
     }
-    let slot = slot as u8;
-    let (from, length) = match slot.checked_sub(GROUPS as u8) {
-        Some(single) => (single, 1),
-        None => (slot * LOOSE_LENGTH, LOOSE_LENGTH),
-    };
+    let (from, length) = part_of_strip(slot);
     if w == 1 {
         CellRect {
             j: from,

@@ -150,28 +150,52 @@ struct Below<'a> {
     try_below: usize,
 }
 
-/// The node over some children, whose references it has not yet.
-fn node_over<B: Bounds8>(ranges: &[Range<'_, B::Hull>], below: Below<'_>) -> Node<B> {
-    let mut hulls = [&ranges[0].extent.bounds; 8];
-    for (to, range) in hulls.iter_mut().zip(ranges) {
-        *to = &range.extent.bounds;
-    }
-    let bounds: B = pack_hulls(below.level, hulls);
+/// The node over some children, whose references it has not yet: their boxes, and those that are single items.
+fn node_over<'h, B: Bounds8>(
+    children: impl ExactSizeIterator<Item = (&'h B::Hull, Option<&'h Sorted<B::Hull>>)>,
+    below: Below<'_>,
+) -> Node<B> {
+    let count = children.len();
+    let none = B::Hull::EMPTY;
+    let mut hulls = [&none; 8];
     let mut numbers = [[0.0; 8]; 2];
-    for (slot, range) in ranges.iter().enumerate() {
-        if let Some(item) = range.only() {
+    for (slot, (hull, item)) in children.enumerate().take(8) {
+        hulls[slot] = hull;
+        if let Some(item) = item {
             [numbers[0][slot], numbers[1][slot]] = item.bounds.diagonal();
         }
     }
+    // What has no child is taken for the first.
+    let first = hulls[0];
+    hulls.iter_mut().skip(count).for_each(|hull| *hull = first);
+    let bounds: B = pack_hulls(below.level, hulls);
     let grids = (bounds.start(), bounds.end());
     let (diagonals, at_end) = diagonal::packed(below.level, grids, &numbers);
     Node {
         bounds,
         children: [0; 8],
         frame: below.frame,
-        slots: ((1u32 << ranges.len()) - 1) | diagonals,
+        slots: ((1u32 << count) - 1) | diagonals,
         at_end,
     }
+}
+
+/// The node over some ranges.
+fn node_over_ranges<B: Bounds8>(ranges: &[Range<'_, B::Hull>], below: Below<'_>) -> Node<B> {
+    let children = ranges.iter();
+    node_over(
+        children.map(|range| (&range.extent.bounds, range.only())),
+        below,
+    )
+}
+
+/// The node over up to 8 items.
+fn node_over_items<B: Bounds8>(items: &[Sorted<B::Hull>], below: Below<'_>) -> Node<B> {
+    let mut node = node_over(items.iter().map(|item| (&item.bounds, Some(item))), below);
+    for (child, item) in node.children.iter_mut().zip(items) {
+        *child = Tree::<B>::LEAF | item.id();
+    }
+    node
 }
 
 /// Appends the node over a range of two items or more, and all below it; returns the node's number.
@@ -195,9 +219,14 @@ fn build_node<B: Bounds8>(
             return build_node(tree, range, below, tries);
         }
     }
-    let ranges = children(range, below.level, below.kind, below.depth);
     let index = tree.nodes.len() as u32;
-    tree.nodes.push(node_over(&ranges, below));
+    if range.items.len() <= 8 {
+        let items = range.items.side_by_side();
+        tree.nodes.push(node_over_items(items, below));
+        return index;
+    }
+    let ranges = children(range, below.level, below.kind, below.depth);
+    tree.nodes.push(node_over_ranges(&ranges, below));
     below.depth += 1;
     for (slot, range) in ranges.into_iter().enumerate() {
         let child = build_child(tree, range, below, tries);
@@ -259,7 +288,7 @@ fn grow<B: Bounds8>(range: Range<'_, B::Hull>, mut below: Below<'_>) -> Grown<B>
     }
     let ranges = children(range, below.level, below.kind, below.depth);
     tree.root = 0;
-    tree.nodes.push(node_over(&ranges, below));
+    tree.nodes.push(node_over_ranges(&ranges, below));
     below.depth += 1;
     let children = ranges.into_par_iter().map(|range| grow(range, below));
     grown.below = children.collect();

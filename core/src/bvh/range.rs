@@ -147,7 +147,7 @@ fn singles<'a, H: Hull>(items: Items<'a, H>, ranges: &mut Vec<Range<'a, H>>) {
     }
 }
 
-/// The children of a node over a range of two items or more: up to 8.
+/// The children of a node over a range of more than 8 items: up to 8.
 pub fn children<'a, H: Hull>(
     range: Range<'a, H>,
     level: Level,
@@ -155,10 +155,6 @@ pub fn children<'a, H: Hull>(
     depth: usize,
 ) -> Vec<Range<'a, H>> {
     let mut ranges = Vec::with_capacity(8);
-    if range.items.len() <= 8 {
-        singles(range.items, &mut ranges);
-        return ranges;
-    }
     ranges.push(range);
     // Up to 8 items are one full node.
     let least = if kind == Nodes::Full { 8 } else { 1 };

@@ -303,6 +303,11 @@ impl PlanarMesh {
         }
     }
 
+    /// The first grid, where all are as large and their vertices follow one another.
+    pub(crate) fn alike(&self) -> Option<Grid> {
+        self.alike
+    }
+
     /// The rows of grid `g`.
     #[inline(always)]
     pub fn grid_rows(&self, g: usize) -> GridRows<'_> {

@@ -8,10 +8,10 @@ use super::cell_rays::CellRays;
 use super::packet::{PACKET, Packet, Record, Slabs};
 use super::pairs::Pairs;
 use super::scattered::{Turns, walk_scattered};
+use super::strip::Strip;
 use super::traverse::Target;
 use super::traverse_packet::{InBlock, Queries};
 use super::waits::Waits;
-use crate::bvh::block::loose;
 use crate::bvh::object::loose_group;
 use crate::bvh::{Bounds8, Tree};
 
@@ -122,6 +122,8 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
         queries: &mut Queries,
     ) -> u64 {
         let (simd, mesh, blocks) = (self.simd, self.mesh, self.blocks);
+        // What all grids are, where they are alike.
+        let strip = mesh.alike().map(|grid| Strip::of(&grid));
         let mut waits = Waits::default();
         let left_out = walk_scattered(
             simd,
@@ -147,17 +149,22 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
                         if waits.are_full() {
                             found |= self.test_waits(&mut waits, cells, queries);
                         }
-                        let traced = mesh.traced(grid);
-                        let (rect, grid) = (loose(&traced, slot), (grid, &traced));
-                        let added = if B::KEYS {
-                            let key = cells.key[ray & (PACKET - 1)];
-                            waits.add::<S, 2>(simd, mesh, grid, rect, (ray, key))
-                        } else {
-                            waits.add::<S, 1>(simd, mesh, grid, rect, (ray, 0))
-                        };
-                        if added {
-                            queries.count_cells(simd, 1 << ray, rect);
-                            continue;
+                        let grid_is = mesh.traced(grid);
+                        if let Some(strip) = &strip.unwrap_or_else(
+                            #[inline(always)]
+                            || Strip::of(&grid_is),
+                        ) {
+                            let part = (grid, grid_is.first_vertex, slot);
+                            let added = if B::KEYS {
+                                let key = cells.key[ray & (PACKET - 1)];
+                                waits.add::<S, 2>(simd, mesh, strip, part, (ray, key))
+                            } else {
+                                waits.add::<S, 1>(simd, mesh, strip, part, (ray, 0))
+                            };
+                            if let Some(part) = added {
+                                queries.count_cells_of(ray, 1 + u32::from(part.two));
+                                continue;
+                            }
                         }
                     }
                     simd.apart(OtherItem {

@@ -31,6 +31,7 @@ mod room;
 mod scattered;
 pub mod shading;
 pub mod sides;
+mod strip;
 mod traverse;
 mod traverse_packet;
 mod two_cells;

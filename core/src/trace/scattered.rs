@@ -8,7 +8,9 @@
 //!
 //! A ray meets the same micropolygons as alone, or more; hits are the same.
 
-use hdtrapeze_simd::{Float, Mask, Simd};
+use std::hint::select_unpredictable;
+
+use hdtrapeze_simd::{Float, Simd};
 
 use super::laid::{Laid, Tested};
 use super::packet::{LANES, Lanes, PACKET, Packet, Record, Slabs, split, turn_few};
@@ -83,14 +85,16 @@ impl Track {
         self.span = simd.halves(simd.all8(t_min), simd.all8(t_max)).to_array();
     }
 
-    /// What the ray enters of `children`, which were tested, waits, and the next subtree is taken. True where there is none;
-    /// none at all is given where there is no room.
+    /// Takes the next subtree: the nearest of `children`, which were tested, that the ray enters, and the others wait; or one of
+    /// those that wait. True where there is none; none at all is given where there is no room.
+    ///
+    /// What is next does not go by way of the stack, so that it is known soon.
     #[inline(always)]
     fn step<S: Simd>(&mut self, simd: S, children: &[u32; 8], sorted: bool) -> Option<bool> {
         let (inner, near) = (self.tested.inner, simd.from8(&self.tested.near));
-        let least = near.or(simd.mask8(inner), simd.all8(f32::INFINITY)).least();
-        let slot = (near.le(simd.all8(least)).bits() & inner | 0x100).trailing_zeros();
-        let others = inner & !(1 << slot);
+        let none = inner == 0;
+        let nearest = simd.smallest(inner, near) & 7;
+        let others = inner & !(1 << nearest);
         let first = self.waiting;
         let nodes = self
             .nodes
@@ -101,21 +105,21 @@ impl Track {
             .get_mut(first..)
             .and_then(<[f32]>::first_chunk_mut)?;
         simd.kept(others, near, children, distances, nodes);
-        // The nearest lies on top of the others; without meaning, and not counted, where there is none.
-        let top = (first + others.count_ones() as usize) & (DEPTH - 1);
-        (self.nodes[top], self.near[top]) = (children[slot as usize & 7], least);
-        let count = top + usize::from(inner != 0);
-        let last = count.saturating_sub(1) & (DEPTH - 1);
-        let mut next = last;
+        // The one that is taken where there is no child: the last, or the nearer of the last two, whose place the last takes. Without
+        // meaning where none wait.
+        let last = first.wrapping_sub(1) & (DEPTH - 1);
+        let mut waits = last;
         if sorted {
-            // Of the last two, the nearer.
             let nearer = self.near[last.saturating_sub(1)] < self.near[last];
-            next = (last - usize::from(nearer)) & (DEPTH - 1);
+            waits = (last - usize::from(nearer)) & (DEPTH - 1);
         }
-        self.at = self.nodes[next];
-        (self.nodes[next], self.near[next]) = (self.nodes[last], self.near[last]);
-        self.waiting = last;
-        Some(count == 0)
+        let node = self.nodes[waits];
+        let kept = select_unpredictable(none, last, waits);
+        (self.nodes[waits], self.near[waits]) = (self.nodes[kept], self.near[kept]);
+        self.at = select_unpredictable(none, node, children[nearest]);
+        let count = others.count_ones() as usize;
+        self.waiting = select_unpredictable(none, last, first + count);
+        Some(none && first == 0)
     }
 
     /// Drops subtrees that begin behind `t_max`.
@@ -130,35 +134,40 @@ impl Track {
     }
 }
 
-/// Those of all rays that take turns.
-struct Live {
+/// Numbers of some of the rays that take turns.
+struct Numbers {
     numbers: [u8; TURNS],
     count: usize,
 }
 
-impl Live {
+impl Numbers {
+    const NONE: Numbers = Numbers {
+        numbers: [0; TURNS],
+        count: 0,
+    };
+
+    /// Those whose bits are set.
     #[inline(always)]
-    fn all() -> Self {
-        let mut numbers = [0; TURNS];
-        for (k, number) in numbers.iter_mut().enumerate() {
-            *number = k as u8;
+    fn of(mut bits: u32) -> Self {
+        let mut some = Self::NONE;
+        while bits != 0 {
+            some.push(bits.trailing_zeros() as usize, true);
+            bits &= bits - 1;
         }
-        Self {
-            numbers,
-            count: TURNS,
-        }
+        some
     }
 
+    /// Number `k` of them.
     #[inline(always)]
     fn get(&self, k: usize) -> usize {
         usize::from(self.numbers[k & (TURNS - 1)]) & (TURNS - 1)
     }
 
-    /// The last takes the place of number `k`.
+    /// One more, if it is to be there.
     #[inline(always)]
-    fn drop(&mut self, k: usize) {
-        self.count -= 1;
-        self.numbers[k & (TURNS - 1)] = self.numbers[self.count & (TURNS - 1)];
+    fn push(&mut self, number: usize, there: bool) {
+        self.numbers[self.count & (TURNS - 1)] = number as u8;
+        self.count += usize::from(there);
     }
 }
 
@@ -232,32 +241,34 @@ pub(super) fn walk_scattered<S: Simd, B: Bounds8>(
     let mut left_out = 0;
     let mut rest = packet.sound;
     let mut items = Items::NONE;
-    let mut live = Live::all();
-    // Numbers in `live` whose rays are done: the next take their places.
+    // Tracks on which a ray is, those whose rays are done, which the next take, and the one that each ray had.
+    let mut live = Numbers::of((1 << TURNS) - 1);
     let mut done = (1u32 << TURNS) - 1;
+    let mut track_of = [0u8; PACKET];
     loop {
-        while done != 0 {
-            // The last first: those behind it are not done.
-            let k = (31 ^ done.leading_zeros()) as usize & (TURNS - 1);
-            done &= !(1 << k);
-            if rest == 0 {
-                live.drop(k);
-                continue;
-            }
+        while rest != 0 && done != 0 {
+            let number = done.trailing_zeros() as usize & (TURNS - 1);
+            done &= done - 1;
             let ray = rest.trailing_zeros() as usize & (PACKET - 1);
             rest &= rest - 1;
-            let track = &mut tracks[live.get(k)];
+            track_of[ray] = number as u8;
+            let track = &mut tracks[number];
             track.start(simd, tree.root, ray, packet.slabs, B::MOVING);
             track.look(simd, queries);
+        }
+        if done != 0 {
+            let mut left = 0;
+            for k in 0..live.count {
+                left |= 1 << live.get(k);
+            }
+            live = Numbers::of(left & !done);
+            done = 0;
         }
         if live.count == 0 {
             return left_out;
         }
         // Nodes.
-        let mut with_items = Live {
-            numbers: [0; TURNS],
-            count: 0,
-        };
+        let mut with_items = Numbers::NONE;
         for k in 0..live.count {
             let track = &mut tracks[live.get(k)];
             let node = &tree.nodes[track.at as usize];
@@ -273,8 +284,7 @@ pub(super) fn walk_scattered<S: Simd, B: Bounds8>(
                 &track.turned
             };
             laid.test(simd, node, &track.span, &mut track.tested);
-            with_items.numbers[with_items.count & (TURNS - 1)] = live.get(k) as u8;
-            with_items.count += usize::from(track.tested.items != 0);
+            with_items.push(live.get(k), track.tested.items != 0);
         }
         queries.counts.node_tests += live.count as u64;
         if queries.each {
@@ -301,24 +311,29 @@ pub(super) fn walk_scattered<S: Simd, B: Bounds8>(
             let track = &mut tracks[live.get(k)];
             let node = &tree.nodes[track.at as usize];
             let step = track.step(simd, &node.children, !queries.any);
-            done |= u32::from(step.unwrap_or(true)) << k;
+            done |= u32::from(step.unwrap_or(true)) << live.get(k);
             if step.is_none() {
                 left_out |= 1 << track.ray;
             }
             simd.expect(&tree.nodes, track.at as usize);
         }
         // Items.
-        let found = take(&items, queries);
-        for k in 0..if found == 0 { 0 } else { live.count } {
-            let track = &mut tracks[live.get(k)];
-            if found >> track.ray & 1 == 1 {
-                let (v, lane) = split(track.ray);
-                let t_max = queries.t_max[v][lane];
-                track.look(simd, queries);
-                track.drop_behind(t_max);
-                // It looks no more.
-                done |= u32::from(t_max == f32::NEG_INFINITY) << k;
+        let mut found = take(&items, queries);
+        while found != 0 {
+            let ray = found.trailing_zeros() as usize & (PACKET - 1);
+            found &= found - 1;
+            let number = usize::from(track_of[ray]) & (TURNS - 1);
+            let track = &mut tracks[number];
+            if track.ray != ray {
+                // It was done before, and another has its track.
+                continue;
             }
+            let (v, lane) = split(ray);
+            let t_max = queries.t_max[v][lane];
+            track.look(simd, queries);
+            track.drop_behind(t_max);
+            // It looks no more.
+            done |= u32::from(t_max == f32::NEG_INFINITY) << number;
         }
     }
 }

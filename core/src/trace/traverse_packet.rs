@@ -123,6 +123,16 @@ impl Queries {
         }
     }
 
+    /// Counts cells that one ray is tested against.
+    #[inline(always)]
+    pub fn count_cells_of(&mut self, ray: usize, cells: u32) {
+        self.counts.cell_tests += u64::from(cells);
+        if self.each {
+            let (v, lane) = split(ray);
+            self.cells[v][lane] += cells as f32;
+        }
+    }
+
     /// True where a ray looks no farther than to some place before `t`. What lies in bounds that it enters at `t` is no
     /// hit then: none in there is nearer, and one as near, which another may follow by number, is not beyond.
     #[inline(always)]

@@ -9,10 +9,10 @@ use hdtrapeze_simd::{Float, Mask, Simd};
 use super::cell::{CellHit, exact};
 use super::cell_rays::CellRays;
 use super::packet::PACKET;
-use super::two_cells::{FIRST, is_small, missed};
-use crate::bvh::block::CellRect;
+use super::strip::{Part, Strip};
+use super::two_cells::{FIRST, missed};
+use crate::grid::PlanarMesh;
 use crate::grid::planar::STRIP;
-use crate::grid::{Grid, PlanarMesh};
 
 /// Parts that are tested at once.
 const PARTS: usize = 8;
@@ -73,37 +73,30 @@ impl Waits {
         self.count == 0
     }
 
-    /// Adds the cells `rect` of grid `g`, the [loose](crate::bvh::block::loose) part of a strand, for a ray that goes through
-    /// the segment of keys `key`, and asks for its vertices at `KEYS` keys from memory. False where it is no such part.
+    /// Adds the part `slot` of a strand, grid `g` of the mesh, whose first vertex is given, for a ray that goes through the
+    /// segment of keys `key`, and asks for its vertices at `KEYS` keys from memory. Gives the part; none where there is no room behind
+    /// its vertices.
     #[inline(always)]
     pub fn add<S: Simd, const KEYS: usize>(
         &mut self,
         simd: S,
         mesh: &PlanarMesh,
-        (g, grid): (u32, &Grid),
-        rect: CellRect,
+        strip: &Strip,
+        (g, first_vertex, slot): (u32, u32, u32),
         (ray, key): (usize, u32),
-    ) -> bool {
-        let along_rows = grid.nv == 1 && grid.nu > 1;
-        if !is_small(rect) || grid.nu.min(grid.nv) != 1 {
-            return false;
-        }
-        let stride = 3 * grid.vertex_count();
-        let columns = grid.nu + 1;
-        let from = if along_rows {
-            usize::from(rect.i)
-        } else {
-            3 * usize::from(rect.j) * usize::from(columns)
-        };
-        let first = mesh.first_float(grid, key as usize) + from;
+    ) -> Option<Part> {
+        let part = strip.part(slot);
+        let stride = strip.key as usize;
+        let first = 3 * first_vertex as usize * mesh.key_times.len();
+        let first = first + key as usize * stride + part.floats;
         let floats = mesh.floats();
-        if !along_rows && first + (KEYS - 1) * stride + FLOATS > floats.len() {
-            return false;
+        if !strip.along_rows && first + (KEYS - 1) * stride + FLOATS > floats.len() {
+            return None;
         }
         for k in 0..KEYS {
             let at = first.wrapping_add(k * stride);
-            if along_rows {
-                simd.expect_lattices::<1>(floats, at, usize::from(columns), 0);
+            if strip.along_rows {
+                simd.expect_lattices::<1>(floats, at, usize::from(strip.columns), 0);
             } else {
                 simd.expect(floats, at);
                 simd.expect(floats, at.wrapping_add(STRIP - 1));
@@ -113,16 +106,16 @@ impl Waits {
         let room = self.older ^ (self.count / PARTS);
         self.rooms[room & 1][self.count & (PARTS - 1)] = Wait {
             first,
-            stride: stride as u32,
+            stride: strip.key,
             grid: g,
-            cell: u16::from(rect.i.max(rect.j)),
-            columns,
+            cell: part.cell as u16,
+            columns: strip.columns,
             ray: ray as u8,
-            two: rect.w * rect.h == 2,
-            along_rows,
+            two: part.two,
+            along_rows: strip.along_rows,
         };
         self.count += 1;
-        true
+        Some(part)
     }
 
     /// Tests those that have waited longest, eight where there are so many; calls `accept(ray, grid, cell, hit)` for every

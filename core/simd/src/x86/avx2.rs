@@ -6,7 +6,7 @@ use std::ops::{Add, BitAnd, BitOr, Mul, Neg, Sub};
 use super::avx2_apart;
 use super::eight::{
     BIT, F256, M256, all8, bytes_in_turns, bytes8, eight_unzipped, from8, halves_swapped,
-    high_bits, mask8, ordered, outward8, transposed,
+    high_bits, keys, least_key, mask8, ordered, outward8, transposed,
 };
 use super::rows::{expect, expect_lattice, long_rows, rows, within};
 use crate::{Float, Mask, Part, Simd, scalar};
@@ -284,6 +284,13 @@ impl Simd for Avx2 {
             _mm256_storeu_ps(to.as_mut_ptr(), _mm256_permutevar8x32_ps(x.0, lanes));
             _mm256_storeu_si256(words_to.as_mut_ptr().cast(), words);
         });
+    }
+    #[inline(always)]
+    fn smallest(self, mask: u32, x: F256) -> usize {
+        x86!({
+            let others = _mm256_xor_ps(mask8(mask).0, _mm256_castsi256_ps(_mm256_set1_epi32(-1)));
+            least_key(_mm256_or_si256(keys(x), _mm256_castps_si256(others)))
+        })
     }
     #[inline(always)]
     fn all16(self, x: f32) -> Pair {

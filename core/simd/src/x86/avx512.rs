@@ -7,7 +7,7 @@ use super::avx2::Pair;
 use super::avx512_apart;
 use super::eight::{
     BIT, F256, M256, all8, bytes_in_turns, bytes8, eight_unzipped, four_pairs, from8,
-    halves_swapped, high_bits, mask8, ordered, outward8, transposed,
+    halves_swapped, high_bits, keys, least_key, mask8, ordered, outward8, transposed,
 };
 use super::rows::{expect, expect_lattice, long_rows, rows, within};
 use crate::{Float, Mask, Part, Simd};
@@ -299,6 +299,14 @@ impl Simd for Avx512 {
             _mm256_storeu_ps(to.as_mut_ptr(), _mm256_maskz_compress_ps(mask, x.0));
             _mm256_storeu_si256(words_to.as_mut_ptr().cast(), words);
         });
+    }
+    #[inline(always)]
+    fn smallest(self, mask: u32, x: F256) -> usize {
+        x86!(least_key(_mm256_mask_mov_epi32(
+            _mm256_set1_epi32(-1),
+            mask as u8,
+            keys(x)
+        )))
     }
     #[inline(always)]
     fn all16(self, x: f32) -> F512 {

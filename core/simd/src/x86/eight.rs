@@ -171,6 +171,31 @@ pub(super) fn mask8(bits: u32) -> M256 {
     })
 }
 
+/// For [`least_key`]: 8 floats, whose lowest bits are the lanes' numbers.
+#[inline(always)]
+pub(super) fn keys(x: F256) -> __m256i {
+    x86!({
+        let numbers = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
+        let rest = _mm256_andnot_si256(_mm256_set1_epi32(7), _mm256_castps_si256(x.0));
+        _mm256_or_si256(rest, numbers)
+    })
+}
+
+/// The lane's number in the least of 8 keys.
+#[inline(always)]
+pub(super) fn least_key(keys: __m256i) -> usize {
+    let least = x86!({
+        let least = _mm_min_epu32(
+            _mm256_castsi256_si128(keys),
+            _mm256_extracti128_si256::<1>(keys),
+        );
+        let least = _mm_min_epu32(least, _mm_shuffle_epi32::<0b01_00_11_10>(least));
+        let least = _mm_min_epu32(least, _mm_shuffle_epi32::<0b10_11_00_01>(least));
+        _mm_cvtsi128_si32(least)
+    });
+    least as usize & 7
+}
+
 #[inline(always)]
 pub(super) fn high_bits(x: &[u32; 8]) -> u32 {
     x86!(_mm256_movemask_ps(_mm256_loadu_ps(x.as_ptr().cast()))).cast_unsigned()
