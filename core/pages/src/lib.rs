@@ -42,6 +42,28 @@ pub fn expect_large<T>(items: &mut Vec<T>) {
 #[cfg(not(target_os = "linux"))]
 pub fn expect_large<T>(_: &mut Vec<T>) {}
 
+/// Asks that items that are there already lie in large pages from now on: what an allocator had in use before has small ones,
+/// whatever is asked for at first. The system copies what does not, about as long as it would take to clear it. Nothing changes
+/// where it can't.
+#[cfg(target_os = "linux")]
+pub fn settle<T>(items: &[T]) {
+    let start = items.as_ptr().addr();
+    if let Some(inside) = large_pages(start, size_of_val(items)) {
+        let first = items.as_ptr().cast::<u8>();
+        let first = first.wrapping_add(inside.start - start).cast_mut();
+        #[allow(unsafe_code)]
+        // SAFETY: the range is a part of the items' own memory (`large_pages`), none of whose bytes is changed: they may lie
+        // elsewhere in the machine then, at the same addresses. Where that is refused, pages are as they were.
+        unsafe {
+            libc::madvise(first.cast(), inside.len(), libc::MADV_COLLAPSE)
+        };
+    }
+}
+
+/// Elsewhere the system decides.
+#[cfg(not(target_os = "linux"))]
+pub fn settle<T>(_: &[T]) {}
+
 /// Joins parts in large pages, in parallel: what `each` makes of each item, given the number of its part.
 pub fn joined<T: Copy + Send + Sync>(
     parts: Vec<&[T]>,

@@ -372,11 +372,13 @@ pub(super) fn build_blocks<B: Bounds8>(mesh: DicedMesh, full: bool, upright: boo
         strips += part.strips;
         dropped += part.dropped;
     }
+    hdtrapeze_pages::settle(mesh.floats());
     let Gathered {
         blocks,
         frames,
         items,
     } = joined(parts);
+    hdtrapeze_pages::settle(&blocks);
     let oriented_blocks = frames.len() as u64 - 1;
     let item_count = items.iter().map(Vec::len).sum::<usize>();
     let empty = item_count == 0;
@@ -396,6 +398,7 @@ pub(super) fn build_blocks<B: Bounds8>(mesh: DicedMesh, full: bool, upright: boo
         (strips > 0 && !upright).then_some(&strands),
         &NEVER,
     );
+    hdtrapeze_pages::settle(&tree.nodes);
     // Oriented bounds, and bounds as packed, may reach farther than any vertex: they are part of the radius.
     let about = tree.nodes.par_chunks(PARALLEL_ITEMS).map(About::of);
     let about = about.reduce(|| About::NOTHING, About::join);

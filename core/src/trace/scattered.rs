@@ -96,6 +96,14 @@ impl Track {
         let nearest = simd.smallest(inner, near) & 7;
         let others = inner & !(1 << nearest);
         let first = self.waiting;
+        // The nearest of the last 8 that wait, which is taken where there is no child. Without meaning where none wait.
+        let from = first.saturating_sub(8);
+        let mut waits = first.wrapping_sub(1) & (DEPTH - 1);
+        if sorted {
+            let last = self.near.get(from..).and_then(<[f32]>::first_chunk)?;
+            let last = simd.smallest((1 << (first - from)) - 1, simd.from8(last));
+            waits = (from + last) & (DEPTH - 1);
+        }
         let nodes = self
             .nodes
             .get_mut(first..)
@@ -105,14 +113,8 @@ impl Track {
             .get_mut(first..)
             .and_then(<[f32]>::first_chunk_mut)?;
         simd.kept(others, near, children, distances, nodes);
-        // The one that is taken where there is no child: the last, or the nearer of the last two, whose place the last takes. Without
-        // meaning where none wait.
+        // The last takes the place of the one that is taken.
         let last = first.wrapping_sub(1) & (DEPTH - 1);
-        let mut waits = last;
-        if sorted {
-            let nearer = self.near[last.saturating_sub(1)] < self.near[last];
-            waits = (last - usize::from(nearer)) & (DEPTH - 1);
-        }
         let node = self.nodes[waits];
         let kept = select_unpredictable(none, last, waits);
         (self.nodes[waits], self.near[waits]) = (self.nodes[kept], self.near[kept]);
