@@ -10,7 +10,7 @@
 
 use std::hint::select_unpredictable;
 
-use hdtrapeze_simd::{Float, Simd};
+use hdtrapeze_simd::{Float, Mask, Simd};
 
 use super::laid::{Laid, Tested};
 use super::packet::{LANES, Lanes, PACKET, Packet, Record, Slabs, split, turn_few};
@@ -126,11 +126,25 @@ impl Track {
 
     /// Drops subtrees that begin behind `t_max`.
     #[inline(always)]
-    fn drop_behind(&mut self, t_max: f32) {
+    fn drop_behind<S: Simd>(&mut self, simd: S, t_max: f32) {
         let mut kept = 0;
-        for i in 0..self.waiting & (DEPTH - 1) {
-            (self.nodes[kept], self.near[kept]) = (self.nodes[i], self.near[i]);
-            kept = (kept + usize::from(self.near[i] <= t_max)) & (DEPTH - 1);
+        for k in 0..DEPTH / 8 {
+            let Some(left) = self.waiting.checked_sub(8 * k).filter(|&left| left > 0) else {
+                break;
+            };
+            let (nodes, near) = (self.nodes.as_chunks().0[k], self.near.as_chunks().0[k]);
+            let near = simd.from8(&near);
+            let there = ((1u64 << left.min(8)) - 1) as u32;
+            let mask = near.le(simd.all8(t_max)).bits() & there;
+            let to = self
+                .nodes
+                .get_mut(kept..)
+                .and_then(<[u32]>::first_chunk_mut);
+            let near_to = self.near.get_mut(kept..).and_then(<[f32]>::first_chunk_mut);
+            if let (Some(to), Some(near_to)) = (to, near_to) {
+                simd.kept(mask, near, &nodes, near_to, to);
+            }
+            kept += mask.count_ones() as usize;
         }
         self.waiting = kept;
     }
@@ -333,7 +347,7 @@ pub(super) fn walk_scattered<S: Simd, B: Bounds8>(
             let (v, lane) = split(ray);
             let t_max = queries.t_max[v][lane];
             track.look(simd, queries);
-            track.drop_behind(t_max);
+            track.drop_behind(simd, t_max);
             // It looks no more.
             done |= u32::from(t_max == f32::NEG_INFINITY) << number;
         }
