@@ -4,8 +4,9 @@
 //! of 4 KiB each, these are a few MiB, and what lies elsewhere is looked up first. Linux has pages of 2 MiB
 //! (`transparent_hugepage`) for those who ask, where it is set to `madvise`, or for all, or for nobody.
 //!
-//! Pages become large when something is written to them first, and those that are there stay small. A vector that was asked
-//! for them should not grow: it would be copied to where nobody asked.
+//! Pages become large when something is written to them first. Those that are there stay small unless they are asked to
+//! [settle], since an allocator gives what was in use before. A vector that was asked for them should not grow: it would be copied to
+//! where nobody asked.
 
 #[cfg(any(target_os = "linux", test))]
 use std::ops::Range;
@@ -42,27 +43,54 @@ pub fn expect_large<T>(items: &mut Vec<T>) {
 #[cfg(not(target_os = "linux"))]
 pub fn expect_large<T>(_: &mut Vec<T>) {}
 
-/// Asks that items that are there already lie in large pages from now on: what an allocator had in use before has small ones,
-/// whatever is asked for at first. The system copies what does not, about as long as it would take to clear it. Nothing changes
-/// where it can't.
+/// Less than this need not [settle]: a processor keeps the places of so much in small pages, and to be asked takes the system a
+/// while, in which no memory is given to other threads.
+#[cfg(any(target_os = "linux", test))]
+const LEAST: usize = 4 << 20;
+
+/// As Linux has it from 6.1 on, for all processors; not every libc names it.
 #[cfg(target_os = "linux")]
-pub fn settle<T>(items: &[T]) {
+const MADV_COLLAPSE: libc::c_int = 25;
+
+/// Asks that items that are there already lie in large pages from now on, which takes about as long as clearing as many. True
+/// where they do. Otherwise some may, and others as before: where the system can't, or gives large pages to nobody. Nothing is
+/// asked, and true is given, for what is smaller than 4 MiB.
+#[cfg(target_os = "linux")]
+pub fn settle<T>(items: &[T]) -> bool {
     let start = items.as_ptr().addr();
-    if let Some(inside) = large_pages(start, size_of_val(items)) {
-        let first = items.as_ptr().cast::<u8>();
-        let first = first.wrapping_add(inside.start - start).cast_mut();
-        #[allow(unsafe_code)]
-        // SAFETY: the range is a part of the items' own memory (`large_pages`), none of whose bytes is changed: they may lie
-        // elsewhere in the machine then, at the same addresses. Where that is refused, pages are as they were.
-        unsafe {
-            libc::madvise(first.cast(), inside.len(), libc::MADV_COLLAPSE)
-        };
+    let inside = large_pages(start, size_of_val(items));
+    let Some(inside) = inside.filter(|inside| inside.len() >= LEAST) else {
+        return true;
+    };
+    if !are_given() {
+        return false;
     }
+    let first = items.as_ptr().cast::<u8>();
+    let first = first.wrapping_add(inside.start - start).cast_mut();
+    #[allow(unsafe_code)]
+    // SAFETY: the range is a part of the items' own memory (`large_pages`), none of whose bytes is changed, whatever the answer:
+    // they may lie elsewhere in the machine then, at the same addresses.
+    let refused = unsafe { libc::madvise(first.cast(), inside.len(), MADV_COLLAPSE) };
+    refused == 0
 }
 
-/// Elsewhere the system decides.
+/// Elsewhere the system decides, and nothing is known.
 #[cfg(not(target_os = "linux"))]
-pub fn settle<T>(_: &[T]) {}
+pub fn settle<T>(_: &[T]) -> bool {
+    false
+}
+
+/// False where someone wants no large pages in the system: [`MADV_COLLAPSE`] would not ask.
+#[cfg(target_os = "linux")]
+fn are_given() -> bool {
+    static GIVEN: std::sync::OnceLock<bool> = std::sync::OnceLock::new();
+    *GIVEN.get_or_init(|| {
+        std::fs::read_to_string(ENABLED).is_ok_and(|enabled| !enabled.contains("[never]"))
+    })
+}
+
+/// Who is given large pages.
+const ENABLED: &str = "/sys/kernel/mm/transparent_hugepage/enabled";
 
 /// Joins parts in large pages, in parallel: what `each` makes of each item, given the number of its part.
 pub fn joined<T: Copy + Send + Sync>(
@@ -107,7 +135,13 @@ fn large_pages(start: usize, bytes: usize) -> Option<Range<usize>> {
 /// For tests: it reads a list of all memory.
 #[doc(hidden)]
 pub fn were_asked_for<T>(items: &[T]) -> Option<bool> {
-    if !std::fs::exists("/sys/kernel/mm/transparent_hugepage/enabled").ok()? {
+    let flags = told_of(items, "VmFlags:")?;
+    Some(flags.split(' ').any(|flag| flag == "hg"))
+}
+
+/// What the system tells of the memory at the first of some items that a large page may begin at.
+fn told_of<T>(items: &[T], what: &str) -> Option<String> {
+    if !std::fs::exists(ENABLED).ok()? {
         return None;
     }
     let address = items.as_ptr().addr().next_multiple_of(LARGE);
@@ -119,8 +153,8 @@ pub fn were_asked_for<T>(items: &[T]) -> Option<bool> {
         if let Some((Some(from), Some(to))) = range.map(|(from, to)| (number(from), number(to))) {
             inside = (from..to).contains(&address);
         }
-        if inside && let Some(flags) = line.strip_prefix("VmFlags:") {
-            return Some(flags.split(' ').any(|flag| flag == "hg"));
+        if inside && let Some(told) = line.strip_prefix(what) {
+            return Some(told.trim().into());
         }
     }
     None
@@ -192,5 +226,25 @@ mod tests {
             assert!(items.iter().enumerate().all(|(i, &x)| x == i as u8));
         }
         reserve(&mut vec![(); 3], 1 << 40);
+    }
+
+    #[test]
+    fn what_is_there_goes_into_large_pages() {
+        // Small ones, unless the system gives large ones to all.
+        let bytes: Vec<u8> = (0..40usize << 20).map(|i| (i >> 7) as u8).collect();
+        assert!(settle(&bytes[..100]) || !cfg!(target_os = "linux"));
+        if settle(&bytes) {
+            let large = told_of(&bytes, "AnonHugePages:");
+            let large = large.and_then(|large| large.trim_end_matches(" kB").parse::<usize>().ok());
+            let all =
+                large_pages(bytes.as_ptr().addr(), bytes.len()).map_or(0, |pages| pages.len());
+            assert!(
+                all > LEAST && large.is_none_or(|large| large >= all / 1024),
+                "{large:?}"
+            );
+        } else {
+            eprintln!("skipped: this system does not make pages large");
+        }
+        assert!(bytes.iter().enumerate().all(|(i, &x)| x == (i >> 7) as u8));
     }
 }

@@ -111,7 +111,7 @@ pub trait Simd: Copy + Debug {
         words_to: &mut [u32; 8],
     );
     /// The number of the smallest of those lanes whose bits are set, 7 where there are none. What is smaller by less than 8
-    /// units in the last place may come after, and what is below 0, or -0, comes after all others.
+    /// units in the last place may come after, NaN comes after all numbers, and what has a sign, -0 too, after all that.
     fn smallest(self, mask: u32, x: Self::F8) -> usize;
     /// 16 copies.
     fn all16(self, x: f32) -> Self::F16;

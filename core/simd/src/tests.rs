@@ -210,6 +210,34 @@ impl Kernel for MulAdd {
 }
 
 #[test]
+fn the_smallest_is_one_of_those_asked_for() {
+    let (inf, nan) = (f32::INFINITY, f32::NAN);
+    let sorted = [
+        0.0,
+        1e-30,
+        0.5,
+        3.0,
+        f32::MAX,
+        inf,
+        nan,
+        -0.0,
+        -1.0,
+        -inf,
+        -nan,
+    ];
+    for turn in 0..sorted.len() {
+        let order: [usize; 8] = std::array::from_fn(|i| (i * 7 + turn) % sorted.len());
+        let x = Scalar.from8(&order.map(|i| sorted[i]));
+        assert_eq!(Scalar.smallest(0, x), 7);
+        for mask in 1..256u32 {
+            let some = (0..8).filter(|i| mask >> i & 1 == 1);
+            let least = some.min_by_key(|&i| order[i]);
+            assert_eq!(Some(Scalar.smallest(mask, x)), least, "{order:?} {mask:b}");
+        }
+    }
+}
+
+#[test]
 fn mul_add_rounds_once_or_twice() {
     let (a, b, c): ([f32; 16], [f32; 16], [f32; 16]) = (numbers(5), numbers(9), numbers(11));
     for level in Level::available() {

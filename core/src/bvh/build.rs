@@ -156,6 +156,7 @@ fn node_over<'h, B: Bounds8>(
     below: Below<'_>,
 ) -> Node<B> {
     let count = children.len();
+    debug_assert!((1..=8).contains(&count));
     let none = B::Hull::EMPTY;
     let mut hulls = [&none; 8];
     let mut numbers = [[0.0; 8]; 2];

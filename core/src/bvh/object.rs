@@ -154,10 +154,20 @@ impl ObjectGeometry {
     /// Builds the tree over a mesh, in parallel. Grids that cannot be traced (a vertex not finite, an
     /// index out of range) are left out and counted in [`BvhStats::dropped_grids`].
     pub fn new(mesh: DicedMesh) -> Self {
+        Self::built(mesh).settled()
+    }
+
+    fn built(mesh: DicedMesh) -> Self {
         match relative::build(&mesh) {
             Some(found) => Self::relative(mesh, found),
-            None => Self::plain(mesh),
+            None => Self::in_own_space(mesh, false),
         }
+    }
+
+    /// Its vertices are where rays find them soon.
+    fn settled(self) -> Self {
+        hdtrapeze_pages::settle(self.mesh.floats());
+        self
     }
 
     /// The same without a tree, which is made when it is first asked for, or by [`ObjectGeometry::make_tree`]. Micropolygons
@@ -184,12 +194,12 @@ impl ObjectGeometry {
 
     /// The same with a single tree, in the mesh's own space, however it moves: for comparison.
     pub fn plain(mesh: DicedMesh) -> Self {
-        Self::in_own_space(mesh, false)
+        Self::in_own_space(mesh, false).settled()
     }
 
     /// The same with all bounds along the axes of space: for comparison.
     pub fn upright(mesh: DicedMesh) -> Self {
-        Self::in_own_space(mesh, true)
+        Self::in_own_space(mesh, true).settled()
     }
 
     fn in_own_space(mesh: DicedMesh, upright: bool) -> Self {
@@ -279,7 +289,8 @@ impl ObjectGeometry {
 
 /// The tree over a mesh that was left for later: the bits are those of [`ObjectGeometry::new`].
 fn tree_of(mesh: &PlanarMesh) -> (Blas, BvhStats) {
-    let made = ObjectGeometry::new(mesh.bare());
+    hdtrapeze_pages::settle(mesh.floats());
+    let made = ObjectGeometry::built(mesh.bare());
     // It has a tree from the start.
     let nothing = || (Blas::Static(BlockTree::EMPTY), BvhStats::default());
     let (tree, stats) = made.tree.into_inner().unwrap_or_else(nothing);
@@ -372,7 +383,6 @@ pub(super) fn build_blocks<B: Bounds8>(mesh: DicedMesh, full: bool, upright: boo
         strips += part.strips;
         dropped += part.dropped;
     }
-    hdtrapeze_pages::settle(mesh.floats());
     let Gathered {
         blocks,
         frames,

@@ -149,12 +149,12 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
                         if waits.are_full() {
                             found |= self.test_waits(&mut waits, cells, queries);
                         }
-                        let grid_is = mesh.traced(grid);
+                        let placed = mesh.traced(grid);
                         if let Some(strip) = &strip.unwrap_or_else(
                             #[inline(always)]
-                            || Strip::of(&grid_is),
+                            || Strip::of(&placed),
                         ) {
-                            let part = (grid, grid_is.first_vertex, slot);
+                            let part = (grid, placed.first_vertex, slot);
                             let added = if B::KEYS {
                                 let key = cells.key[ray & (PACKET - 1)];
                                 waits.add::<S, 2>(simd, mesh, strip, part, (ray, key))

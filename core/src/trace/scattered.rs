@@ -96,13 +96,14 @@ impl Track {
         let nearest = simd.smallest(inner, near) & 7;
         let others = inner & !(1 << nearest);
         let first = self.waiting;
-        // The nearest of the last 8 that wait, which is taken where there is no child. Without meaning where none wait.
+        // What is taken where there is no child: the nearest of the last 8 that wait where these are `sorted`, else the last.
+        // Without meaning where none wait.
         let from = first.saturating_sub(8);
-        let mut waits = first.wrapping_sub(1) & (DEPTH - 1);
-        if sorted {
-            let last = self.near.get(from..).and_then(<[f32]>::first_chunk)?;
-            let last = simd.smallest((1 << (first - from)) - 1, simd.from8(last));
-            waits = (from + last) & (DEPTH - 1);
+        let last = first.saturating_sub(1) & (DEPTH - 1);
+        let mut waits = last;
+        if sorted && let Some(eight) = self.near.get(from..).and_then(<[f32]>::first_chunk) {
+            let nearest = simd.smallest((1 << (first - from)) - 1, simd.from8(eight));
+            waits = (from + nearest) & (DEPTH - 1);
         }
         let nodes = self
             .nodes
@@ -114,7 +115,6 @@ impl Track {
             .and_then(<[f32]>::first_chunk_mut)?;
         simd.kept(others, near, children, distances, nodes);
         // The last takes the place of the one that is taken.
-        let last = first.wrapping_sub(1) & (DEPTH - 1);
         let node = self.nodes[waits];
         let kept = select_unpredictable(none, last, waits);
         (self.nodes[waits], self.near[waits]) = (self.nodes[kept], self.near[kept]);
@@ -150,7 +150,7 @@ impl Track {
     }
 }
 
-/// Numbers of some of the rays that take turns.
+/// Numbers of some of the tracks.
 struct Numbers {
     numbers: [u8; TURNS],
     count: usize,
@@ -340,8 +340,8 @@ pub(super) fn walk_scattered<S: Simd, B: Bounds8>(
             found &= found - 1;
             let number = usize::from(track_of[ray]) & (TURNS - 1);
             let track = &mut tracks[number];
-            if track.ray != ray {
-                // It was done before, and another has its track.
+            if track.ray != ray || done >> number & 1 == 1 {
+                // It is done, or was before, and another has its track.
                 continue;
             }
             let (v, lane) = split(ray);
@@ -376,6 +376,75 @@ mod tests {
 
     fn cube(state: &mut u64) -> Vec3 {
         Vec3::new(unit(state), unit(state), unit(state)) * 2.0 - 1.0
+    }
+
+    /// For each number of subtrees that wait.
+    struct Subtrees;
+
+    impl hdtrapeze_simd::Kernel for Subtrees {
+        type Output = ();
+        #[inline(always)]
+        fn run<S: Simd>(self, simd: S) {
+            let state = &mut 3;
+            let mut track = Turns::filled(f32::NAN).0[0];
+            let children: [u32; 8] = std::array::from_fn(|i| 1000 + i as u32);
+            for (first, inner) in (0..=DEPTH - 8).flat_map(|n| (0..256).map(move |m| (n, m))) {
+                track.waiting = first;
+                for i in 0..first {
+                    (track.nodes[i], track.near[i]) = (i as u32, unit(state));
+                }
+                let waiting = |track: &Track| -> Vec<(u32, f32)> {
+                    let all = track.nodes.iter().copied().zip(track.near);
+                    all.take(track.waiting).collect()
+                };
+                // Those behind are dropped.
+                let mut left = waiting(&track);
+                left.retain(|&(_, near)| near <= 0.7);
+                track.drop_behind(simd, 0.7);
+                assert_eq!(waiting(&track), left);
+                // The next is one of all, and the others wait.
+                for sorted in [true, false] {
+                    let mut before = waiting(&track);
+                    track.tested.inner = inner;
+                    track.tested.near = std::array::from_fn(|_| unit(state));
+                    let some = (0..8).filter(|i| inner >> i & 1 == 1);
+                    let entered = some.map(|i| (children[i], track.tested.near[i]));
+                    let entered: Vec<(u32, f32)> = entered.collect();
+                    let last = before.len().saturating_sub(if sorted { 8 } else { 1 });
+                    let among = if inner == 0 {
+                        &before[last..]
+                    } else {
+                        &entered[..]
+                    };
+                    let nearest = among.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1));
+                    let Some(done) = track.step(simd, &children, sorted) else {
+                        assert!(before.len() > DEPTH - 8);
+                        continue;
+                    };
+                    assert_eq!(done, nearest.is_none());
+                    let mut after = waiting(&track);
+                    if let Some((_, least)) = nearest {
+                        // Which one, where some are all but equal, is left open.
+                        let next = |&&(node, near): &&(u32, f32)| {
+                            node == track.at && near <= least * (1.0 + 1e-6)
+                        };
+                        after.extend(among.iter().find(next));
+                    }
+                    before.extend(entered);
+                    let key = |&(node, near): &(u32, f32)| (node, near.to_bits());
+                    before.sort_by_key(key);
+                    after.sort_by_key(key);
+                    assert_eq!(after, before);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn no_subtree_is_lost() {
+        for level in hdtrapeze_simd::Level::available() {
+            level.run(Subtrees);
+        }
     }
 
     /// Straight strands of `length` micropolygons, across rows or `along` them, in a cube. Some are there twice.
