@@ -44,6 +44,20 @@ impl Entered {
         }
     }
 
+    /// The rays that may hit any child.
+    #[inline(always)]
+    pub fn all_rays(&self) -> u64 {
+        let mut rays = 0;
+        for (child, own) in self.rays.iter().enumerate() {
+            rays |= if self.children >> child & 1 == 1 {
+                *own
+            } else {
+                0
+            };
+        }
+        rays
+    }
+
     /// Where the first ray enters a child that is entered.
     #[inline(always)]
     pub fn near(&self, child: usize) -> f32 {

@@ -19,6 +19,7 @@ pub mod laid;
 mod late;
 mod movers;
 pub mod object_ray;
+mod opened;
 pub mod packet;
 mod pairs;
 pub mod parts;

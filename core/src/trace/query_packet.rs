@@ -9,7 +9,7 @@ use super::late::Late;
 use super::movers::MoversMany;
 use super::packet::{LANES, Lanes, PACKET, Packet, Rays, VECTORS, part, split};
 use super::room::{Room, Space};
-use super::traverse_packet::{Queries, walk_packet};
+use super::traverse_packet::{Items, Queries, walk_packet};
 use super::world::{MOVERS, Numbered, TopTree, World, clamp_times};
 use super::{Hit, Ray, TraceCounts};
 use crate::bvh::{Bounds8, ObjectGeometry, Tree};
@@ -17,6 +17,17 @@ use crate::bvh::{Bounds8, ObjectGeometry, Tree};
 thread_local! {
     /// What this thread keeps between packets; taken while in use.
     static ROOM: Cell<Option<Box<Room>>> = const { Cell::new(None) };
+}
+
+/// What this thread keeps.
+#[cfg(test)]
+pub(super) fn with_room<T>(f: impl FnOnce(&mut Room) -> T) -> T {
+    ROOM.with(|cell| {
+        let mut room = cell.take().unwrap_or_default();
+        let out = f(&mut room);
+        cell.set(Some(room));
+        out
+    })
 }
 
 impl World {
@@ -156,35 +167,15 @@ impl World {
         let mut space = room.take();
         let Space { slabs, turned, .. } = &mut *space;
         let packet = Packet::new::<MOVING>(simd, rays, lanes, 0.0, Some(&pads), slabs);
-        walk_packet(
+        let mut instances = Instances {
+            world: self,
             simd,
-            tree,
-            &packet,
-            turned,
-            queries,
-            room,
-            #[inline(always)]
-            |_, _| {},
-            #[inline(always)]
-            |item, lanes, queries, room| {
-                if !B::MOVING && item == MOVERS {
-                    late.extend(self.level.run(MoversMany {
-                        world: self,
-                        rays,
-                        lanes,
-                        queries,
-                        room,
-                    }));
-                    return;
-                }
-                match self.find(item).0.set.made() {
-                    Some(object) => {
-                        self.inside_packet(simd, object, item, rays, lanes, queries, room);
-                    }
-                    None => late.push(Late { item, lanes }),
-                }
-            },
-        );
+            rays,
+            moving: B::MOVING,
+            late,
+        };
+        walk_packet(simd, tree, &packet, turned, queries, room, &mut instances);
+        let late = instances.late;
         room.give_back(space);
         late
     }
@@ -222,6 +213,56 @@ impl World {
             room,
         });
         room.give_back(space);
+    }
+}
+
+/// The items of a world's tree, to a packet.
+struct Instances<'a, S> {
+    world: &'a World,
+    simd: S,
+    /// In the space of the world.
+    rays: &'a [Rays],
+    /// The tree is that of all instances, and moves.
+    moving: bool,
+    /// Instances whose objects are not made.
+    late: Vec<Late>,
+}
+
+impl<S: Simd> Items for Instances<'_, S> {
+    #[inline(always)]
+    fn soon(&self, _: u32, _: u64) {}
+
+    #[inline(always)]
+    fn test(&mut self, item: u32, lanes: u64, queries: &mut Queries, room: &mut Room) -> u64 {
+        let Self {
+            world,
+            simd,
+            rays,
+            moving,
+            late,
+        } = self;
+        if !*moving && item == MOVERS {
+            late.extend(world.level.run(MoversMany {
+                world,
+                rays,
+                lanes,
+                queries,
+                room,
+            }));
+            return 0;
+        }
+        match world.find(item).0.set.made() {
+            Some(object) => {
+                world.inside_packet(*simd, object, item, rays, lanes, queries, room);
+            }
+            None => late.push(Late { item, lanes }),
+        }
+        0
+    }
+
+    #[inline(always)]
+    fn go_on(&mut self, _: &mut Queries, _: &mut Room) -> u64 {
+        0
     }
 }
 

@@ -1,6 +1,7 @@
 //! What a thread keeps between packets, so that nothing large is made, cleared or copied for each of them.
 
 use super::cell_rays::CellRays;
+use super::opened::Opened;
 use super::packet::{LANES, PACKET, Rays, Record, Slabs, VECTORS};
 use super::pairs::Pairs;
 use super::scattered::Turns;
@@ -13,6 +14,8 @@ pub(super) struct Room {
     pub waiting: Vec<Waiting>,
     /// Pairs of rays and groups.
     pub pairs: Pairs,
+    /// Blocks that wait.
+    pub opened: Opened,
     /// What rays look for.
     queries: Option<Box<Queries>>,
     /// Those that nobody uses.

@@ -11,6 +11,7 @@ use super::cell_rays::CellRays;
 use super::enter::{Entered, Spans, by_child_pays, enter_few, enter_packet};
 use super::enter_block::enter_block;
 use super::in_turns::InTurns;
+use super::opened::{Along, Meetings};
 use super::packet::{
     All, Form, LANES, Lanes, PACKET, Packet, Ranges, Rays, Record, Slabs, VECTORS, in_turns, part,
     split,
@@ -209,10 +210,19 @@ fn add<S: Simd>(simd: S, to: &mut All, rays: u64, more: f32) {
     }
 }
 
-/// Walks a tree with a packet; `turned` is room for rays in a node's frame. `leaf(item, rays, queries, room)` is called
-/// for items that some rays may hit; `soon(item, rays)` said that it may be, unless it came at once.
+/// What a packet does at the items of a tree.
+pub(super) trait Items {
+    /// Rays may come to an item soon.
+    fn soon(&self, item: u32, rays: u64);
+    /// Some rays may hit an item, of which was said that it may be so, unless they came at once. Gives all that wait for
+    /// something: none of them goes on until there is nothing to do for others.
+    fn test(&mut self, item: u32, rays: u64, queries: &mut Queries, room: &mut Room) -> u64;
+    /// There is nothing else to do. Gives those that wait still; none, after some calls.
+    fn go_on(&mut self, queries: &mut Queries, room: &mut Room) -> u64;
+}
+
+/// Walks a tree with a packet; `turned` is room for rays in a node's frame.
 #[inline(always)]
-#[allow(clippy::too_many_arguments)] // one call, inlined
 pub(super) fn walk_packet<S: Simd, B: Bounds8>(
     simd: S,
     tree: &Tree<B>,
@@ -220,12 +230,12 @@ pub(super) fn walk_packet<S: Simd, B: Bounds8>(
     turned: &mut Slabs,
     queries: &mut Queries,
     room: &mut Room,
-    soon: impl Fn(u32, u64),
-    mut leaf: impl FnMut(u32, u64, &mut Queries, &mut Room),
+    items: &mut impl Items,
 ) {
     if tree.root == Tree::<B>::EMPTY || packet.sound == 0 {
         return;
     }
+    let mut wait = 0;
     let floor = room.waiting.len();
     let (mut at, mut rays) = (tree.root, packet.sound);
     // The frame that rays were turned into last, and which of them: whole subtrees share one.
@@ -233,7 +243,7 @@ pub(super) fn walk_packet<S: Simd, B: Bounds8>(
     let mut beam: Option<Option<Beam>> = None;
     loop {
         if at & Tree::<B>::LEAF != 0 {
-            leaf(at & !Tree::<B>::LEAF, rays, queries, room);
+            wait = items.test(at & !Tree::<B>::LEAF, rays, queries, room);
         } else {
             // All of it at once: which children there are is asked when their bounds were tested.
             simd.expect(&tree.nodes, at as usize);
@@ -290,7 +300,7 @@ pub(super) fn walk_packet<S: Simd, B: Bounds8>(
                     for &slot in slots[1..count].iter().rev() {
                         let child = node.children[slot];
                         if child & Tree::<B>::LEAF != 0 {
-                            soon(child & !Tree::<B>::LEAF, found.rays[slot]);
+                            items.soon(child & !Tree::<B>::LEAF, found.rays[slot]);
                         } else {
                             simd.expect(&tree.nodes, child as usize);
                         }
@@ -307,11 +317,14 @@ pub(super) fn walk_packet<S: Simd, B: Bounds8>(
         }
         // Next subtree that does not start behind the best hits.
         loop {
-            if room.waiting.len() <= floor {
-                return;
-            }
-            let Some(next) = room.waiting.pop() else {
-                return;
+            let next = loop {
+                if let Some(next) = next_but(&mut room.waiting, floor, wait) {
+                    break next;
+                }
+                if wait == 0 {
+                    return;
+                }
+                wait = items.go_on(queries, room);
             };
             let near = simd.all16(next.near);
             let mut left = 0;
@@ -326,6 +339,34 @@ pub(super) fn walk_packet<S: Simd, B: Bounds8>(
             }
         }
     }
+}
+
+/// As many subtrees are looked at for one that rays can go on with.
+const LOOK: usize = 4;
+
+/// Takes what is next for some rays, of which none are among those that `wait`; if none do, the last there is above `floor`.
+#[inline(always)]
+fn next_but(waiting: &mut Vec<Waiting>, floor: usize, wait: u64) -> Option<Waiting> {
+    if wait == 0 {
+        return if waiting.len() > floor {
+            waiting.pop()
+        } else {
+            None
+        };
+    }
+    let count = waiting.len();
+    // Those that are here no more, since something else is before it.
+    let mut taken = wait;
+    for at in (floor..count).rev().take(LOOK) {
+        let next = waiting[at];
+        if next.rays & taken == 0 {
+            waiting.copy_within(at + 1.., at);
+            waiting.truncate(count - 1);
+            return Some(next);
+        }
+        taken |= next.rays;
+    }
+    None
 }
 
 /// A packet in one tree of an object.
@@ -400,7 +441,107 @@ impl<S: Simd, B: Bounds8> Part<S> for BlockItem<'_, '_, '_, '_, S, B> {
             pairs,
             queries,
         } = self;
-        target.block_packet(block, rays, packet, room, cells, pairs, queries);
+        let found = target.open_block(block, rays, packet, room, queries);
+        let groups = found.children;
+        // The first group is waited for; the others come meanwhile.
+        target.expect_groups(block, groups & groups.wrapping_sub(1), rays, cells);
+        target.groups_packet(block, groups, &found.rays, cells, pairs, queries);
+        target.settle(cells, pairs, queries);
+    }
+}
+
+/// The items of an object's tree, to a packet.
+struct ObjectItems<'a, 't, 'p, 'r, S: Simd, B: Bounds8> {
+    target: &'a Target<'t, S, B, false>,
+    packet: &'a Packet<'p, S>,
+    in_block: InBlock<'r>,
+    cells: &'a CellRays,
+    /// There are several segments of keys.
+    segments: bool,
+    /// Blocks are waited for.
+    waits: bool,
+    meetings: Meetings,
+}
+
+/// What waits goes on, [apart](Simd::apart).
+struct GoOn<'a, 'b, 't, 'p, 'r, S: Simd, B: Bounds8> {
+    items: &'a mut ObjectItems<'b, 't, 'p, 'r, S, B>,
+    queries: &'a mut Queries,
+    room: &'a mut Room,
+}
+
+impl<S: Simd, B: Bounds8> Part<S> for GoOn<'_, '_, '_, '_, '_, S, B> {
+    type Output = u64;
+    #[inline(always)]
+    fn run(self, _: S) -> u64 {
+        let Self {
+            items,
+            queries,
+            room: Room { opened, pairs, .. },
+        } = self;
+        let mut along = Along {
+            packet: items.packet,
+            room: &mut items.in_block,
+            cells: items.cells,
+            pairs,
+            queries,
+        };
+        items.target.go_on(opened, &mut along);
+        opened.rays()
+    }
+}
+
+impl<S: Simd, B: Bounds8> Items for ObjectItems<'_, '_, '_, '_, S, B> {
+    #[inline(always)]
+    fn soon(&self, item: u32, rays: u64) {
+        if !self.segments {
+            self.target.expect(item, 0);
+            return;
+        }
+        // They go through one segment, most often. Asking for what the others need, too, costs more than it
+        // saves.
+        let first = rays.trailing_zeros() as usize & (PACKET - 1);
+        self.target.expect(item, self.cells.key[first]);
+    }
+
+    #[inline(always)]
+    fn test(&mut self, item: u32, rays: u64, queries: &mut Queries, room: &mut Room) -> u64 {
+        let Self {
+            target,
+            packet,
+            in_block,
+            cells,
+            ..
+        } = self;
+        if loose_group(item).is_none() {
+            self.meetings.add(rays);
+        }
+        if self.waits && loose_group(item).is_none() {
+            target.ask(&mut room.opened, item, rays);
+            if room.opened.is_full() {
+                return self.go_on(queries, room);
+            }
+        } else {
+            target.item_packet(
+                item,
+                rays,
+                packet,
+                in_block,
+                cells,
+                &mut room.pairs,
+                queries,
+            );
+        }
+        if self.waits { room.opened.rays() } else { 0 }
+    }
+
+    #[inline(always)]
+    fn go_on(&mut self, queries: &mut Queries, room: &mut Room) -> u64 {
+        self.target.simd.apart(GoOn {
+            items: self,
+            queries,
+            room,
+        })
     }
 }
 
@@ -463,7 +604,16 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
                 queries,
             });
         }
-        let segments = B::KEYS && self.mesh.key_times.len() > 2;
+        let far = self.mesh.is_far();
+        let mut items = ObjectItems {
+            target: self,
+            packet: &packet,
+            in_block,
+            cells,
+            segments: B::KEYS && self.mesh.key_times.len() > 2,
+            waits: far && room.opened.pays,
+            meetings: Meetings::default(),
+        };
         walk_packet(
             self.simd,
             &self.blocks.tree,
@@ -471,23 +621,12 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
             turned,
             queries,
             room,
-            #[inline(always)]
-            |item, rays| {
-                if !segments {
-                    self.expect(item, 0);
-                    return;
-                }
-                // They go through one segment, most often. Asking for what the others need, too, costs more than it
-                // saves.
-                let first = rays.trailing_zeros() as usize & (PACKET - 1);
-                self.expect(item, cells.key[first]);
-            },
-            #[inline(always)]
-            |item, rays, queries, room| {
-                let pairs = &mut room.pairs;
-                self.item_packet(item, rays, &packet, &mut in_block, cells, pairs, queries);
-            },
+            &mut items,
         );
+        if far {
+            // The next packet is like this one, most often.
+            room.opened.pays = items.meetings.are_of_few();
+        }
         room.give_back(space);
     }
 
@@ -523,19 +662,16 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
         }
     }
 
-    /// Tests a block's groups.
+    /// Finds which groups of a block rays enter.
     #[inline(always)]
-    #[allow(clippy::too_many_arguments)] // one call, inlined
-    fn block_packet(
+    pub(super) fn open_block(
         &self,
         block: &Block<B>,
         rays: u64,
         packet: &Packet<'_, S>,
         room: &mut InBlock<'_>,
-        cells: &CellRays,
-        pairs: &mut Pairs,
         queries: &mut Queries,
-    ) {
+    ) -> Entered {
         queries.count_node(self.simd, rays);
         let valid = (1u32 << block.span.count) - 1;
         let (simd, bounds) = (self.simd, &block.bounds);
@@ -545,7 +681,7 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
             records,
             ready,
         } = room;
-        let found = if block.frame == 0 {
+        if block.frame == 0 {
             enter_packet(simd, bounds, valid, packet.slabs, rays, queries.spans())
         } else if by_child_pays(rays, valid) {
             packet.turn(frame, rays, B::MOVING, Form::Apart, turned);
@@ -564,30 +700,50 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
                 let room = (&**records, &mut **turned);
                 enter_few(simd, bounds, valid, frame, rays, room, &queries.ranges)
             }
-        };
-        // The first group is waited for; the others come meanwhile.
-        let mut later = found.children & found.children.wrapping_sub(1);
-        while later != 0 {
-            let slot = later.trailing_zeros() & 7;
-            later &= later - 1;
+        }
+    }
+
+    /// Says that some groups of a block will be asked for soon by `rays`.
+    #[inline(always)]
+    pub(super) fn expect_groups(
+        &self,
+        block: &Block<B>,
+        mut groups: u32,
+        rays: u64,
+        cells: &CellRays,
+    ) {
+        let key = cells.key[rays.trailing_zeros() as usize & (PACKET - 1)];
+        while groups != 0 {
+            let slot = groups.trailing_zeros() & 7;
+            groups &= groups - 1;
             let rect = block.span.group_rect(slot);
-            let key = cells.key[rays.trailing_zeros() as usize & (PACKET - 1)];
             expect::<S, B>(self.simd, self.mesh, block.span.grid, rect, key);
         }
-        let mut children = found.children;
-        while children != 0 {
-            let slot = children.trailing_zeros() & 7;
-            children &= children - 1;
-            let rays = found.rays[slot as usize];
+    }
+
+    /// Tests groups of a block, each by its own of `rays`; the exact tests may wait.
+    #[inline(always)]
+    pub(super) fn groups_packet(
+        &self,
+        block: &Block<B>,
+        mut groups: u32,
+        rays: &[u64; 8],
+        cells: &CellRays,
+        pairs: &mut Pairs,
+        queries: &mut Queries,
+    ) {
+        while groups != 0 {
+            let slot = groups.trailing_zeros() & 7;
+            groups &= groups - 1;
+            let rays = rays[slot as usize];
             let rect = block.span.group_rect(slot);
             self.group_packet(block.span.grid, rect, rays, cells, pairs, queries);
         }
-        self.settle(cells, pairs, queries);
     }
 
     /// Exact tests of the pairs that wait.
     #[inline(always)]
-    fn settle(&self, cells: &CellRays, pairs: &mut Pairs, queries: &mut Queries) {
+    pub(super) fn settle(&self, cells: &CellRays, pairs: &mut Pairs, queries: &mut Queries) {
         let instance = self.instance;
         pairs.settle(
             self.simd,
