@@ -3,12 +3,17 @@
 mod trace_scenes;
 
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
 
 use glam::{DVec3, Vec3};
 use hdtrapeze_core::bvh::ObjectGeometry;
 use hdtrapeze_core::grid::DicedMesh;
-use hdtrapeze_core::trace::{Hit, InstanceTransform, Ray, TraceCounts, World, WorldInstance};
+use hdtrapeze_core::trace::places::Shift;
+use hdtrapeze_core::trace::world::WorldError;
+use hdtrapeze_core::trace::{
+    Hit, InstanceSet, InstanceTransform, Ray, TraceCounts, World, WorldInstance, WorldSet,
+};
 use rayon::prelude::*;
 use trace_scenes::*;
 
@@ -134,4 +139,70 @@ fn bounds_need_no_tree() {
             }
         }
     }
+}
+
+/// Thousands of instances, some of which move.
+fn many(object: fn(DicedMesh) -> ObjectGeometry) -> Vec<WorldSet> {
+    let mut rng = Rng(5);
+    let meshes = [sheet(2, 5, &[0.0]), patches(4, 5, &keys(2), 3)];
+    let sets = meshes.into_iter().map(|mesh| {
+        let origin = mesh.origin;
+        let shift = |_| Shift::new(rng.cube().as_dvec3() * 20.0, origin, 0);
+        let shifts = (0..30_000).map(shift).collect();
+        WorldSet {
+            set: Arc::new(InstanceSet::translated(Arc::new(object(mesh)), shifts)),
+            user: 0,
+            culled: None,
+        }
+    });
+    sets.collect()
+}
+
+/// Raises a flag some time after it began with `build`, which is given the flag.
+fn cancelled_after<T>(wait: Duration, build: impl FnOnce(&AtomicBool) -> T) -> T {
+    let cancel = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            std::thread::sleep(wait);
+            cancel.store(true, Ordering::Relaxed);
+        });
+        build(&cancel)
+    })
+}
+
+#[test]
+fn builds_that_are_cancelled_midway_leave_nothing_behind() {
+    let begun = Instant::now();
+    let whole = World::new(
+        many(ObjectGeometry::new),
+        DVec3::ZERO,
+        &AtomicBool::new(false),
+    );
+    let took = begun.elapsed();
+    let expected = traced(&whole.expect("nobody cancels"));
+    assert!(expected.iter().filter(|hit| hit.is_hit()).count() > 500);
+    let (mut cancelled, mut halfway) = (0, 0);
+    for step in 0..=12 {
+        let wait = took * step / 12;
+        match cancelled_after(wait, |cancel| {
+            World::new(many(ObjectGeometry::new), DVec3::ZERO, cancel)
+        }) {
+            Ok(world) => assert!(traced(&world) == expected, "{step}"),
+            Err(why) => {
+                assert_eq!(why, WorldError::Cancelled);
+                cancelled += 1;
+            }
+        }
+        let later = World::later(
+            many(ObjectGeometry::later),
+            DVec3::ZERO,
+            &AtomicBool::new(false),
+        );
+        let later = later.expect("nobody cancels");
+        cancelled_after(wait, |cancel| later.make_trees(cancel));
+        halfway += usize::from(!later.has_tree());
+        // Some of it is there, or all, or nothing.
+        assert!(traced(&later) == expected, "{step}");
+    }
+    assert!(cancelled > 0 && halfway > 0, "{cancelled}, {halfway}");
 }
