@@ -5,12 +5,12 @@ use hdtrapeze_simd::{Part, Simd};
 
 use super::cell::CellHit;
 use super::cell_rays::CellRays;
-use super::packet::{PACKET, Packet, Record, Slabs};
+use super::packet::{InBlock, PACKET, Packet, Record, Slabs};
 use super::pairs::Pairs;
+use super::queries::Queries;
 use super::scattered::{Turns, walk_scattered};
 use super::strip::Strip;
 use super::traverse::Target;
-use super::traverse_packet::{InBlock, Queries};
 use super::waits::Waits;
 use crate::bvh::object::loose_group;
 use crate::bvh::{Bounds8, Tree};

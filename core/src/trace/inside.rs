@@ -5,13 +5,14 @@ use glam::Vec3;
 use hdtrapeze_simd::{Kernel, Part, Simd};
 
 use super::TraceCounts;
+use super::in_tree::InTree;
 use super::object_ray::ObjectRay;
 use super::packet::Rays;
+use super::queries::Queries;
 use super::relative::{RelativeMany, Seen};
 use super::room::Room;
 use super::sides::Side;
 use super::traverse::{Query, Stack, Target};
-use super::traverse_packet::{InTree, Queries};
 use crate::bvh::object::Blas;
 use crate::bvh::{CarriedSlabs, ObjectGeometry};
 

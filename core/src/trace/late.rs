@@ -8,9 +8,9 @@ use hdtrapeze_simd::Simd;
 use super::Ray;
 use super::TraceCounts;
 use super::packet::{PACKET, Rays, split};
+use super::queries::Queries;
 use super::room::Room;
 use super::traverse::{Query, Stack};
-use super::traverse_packet::Queries;
 use super::world::{Numbered, World, clamp_time};
 
 /// An instance whose object is not made, and the rays that came to it.

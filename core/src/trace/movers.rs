@@ -5,9 +5,9 @@ use hdtrapeze_simd::{Kernel, Simd};
 
 use super::late::Late;
 use super::packet::Rays;
+use super::queries::Queries;
 use super::room::Room;
 use super::traverse::{Query, Stack};
-use super::traverse_packet::Queries;
 use super::world::World;
 use super::{Ray, TraceCounts};
 

@@ -9,10 +9,10 @@ use hdtrapeze_simd::{Part, Simd};
 
 use super::cell_rays::CellRays;
 use super::enter::Entered;
-use super::packet::Packet;
+use super::packet::{InBlock, Packet};
 use super::pairs::Pairs;
+use super::queries::Queries;
 use super::traverse::Target;
-use super::traverse_packet::{InBlock, Queries};
 use crate::bvh::Bounds8;
 
 /// Most blocks that are asked for.
@@ -95,8 +95,8 @@ impl Meetings {
         self.rays += rays.count_ones();
     }
 
-    /// True where they are so few that to wait pays: fewer than 3.5 in the mean. Of sheets and patches of 4 to 49 million micropolygons,
-    /// those with 1.2 to 3.3 take 0.75 to 0.95 of the time, and those with 4.6 to 7.5 take 1.02 to 1.08.
+    /// True where they are so few that to wait pays: fewer than 2.5 in the mean. Of sheets and patches of 4 to 49 million
+    /// micropolygons, those with 1.1 to 2.0 took 0.73 to 1.05 of the time, one with 3.3 took 0.94, and those with 3.5 to 7.5 took 1.00 to 1.09.
     #[inline(always)]
     pub fn are_of_few(self) -> bool {
         2 * self.rays < 5 * self.blocks
@@ -127,71 +127,61 @@ impl Opened {
     }
 }
 
-/// What a packet takes along to blocks.
-pub(super) struct Along<'a, 'p, 'r, S: Simd> {
+/// Opens what is asked for; if nothing is, tests what is open. Rays may go on that did not before: all of them, after two
+/// such steps. [Apart](Simd::apart).
+pub(super) struct GoOn<'a, 't, 'p, 'r, S: Simd, B: Bounds8> {
+    pub target: &'a Target<'t, S, B, false>,
     pub packet: &'a Packet<'p, S>,
     pub room: &'a mut InBlock<'r>,
     pub cells: &'a CellRays,
+    pub opened: &'a mut Opened,
     pub pairs: &'a mut Pairs,
     pub queries: &'a mut Queries,
 }
 
-/// Opens what is asked for, [apart](Simd::apart).
-struct OpenAll<'a, 'b, 't, 'p, 'r, S: Simd, B: Bounds8> {
-    target: &'a Target<'t, S, B, false>,
-    opened: &'a mut Opened,
-    along: &'a mut Along<'b, 'p, 'r, S>,
-}
-
-impl<S: Simd, B: Bounds8> Part<S> for OpenAll<'_, '_, '_, '_, '_, S, B> {
+impl<S: Simd, B: Bounds8> Part<S> for GoOn<'_, '_, '_, '_, S, B> {
     type Output = ();
     #[inline(always)]
-    fn run(self, simd: S) {
-        let Self {
-            target,
-            opened,
-            along,
-        } = self;
+    fn run(mut self, _: S) {
+        let Opened { asked, open, .. } = &*self.opened;
+        if asked.count == 0 || open.count + asked.count > OPEN {
+            self.test();
+        }
+        self.open();
+    }
+}
+
+impl<S: Simd, B: Bounds8> GoOn<'_, '_, '_, '_, S, B> {
+    #[inline(always)]
+    fn open(&mut self) {
+        let Self { target, opened, .. } = self;
         let tree = target.blocks;
         let count = opened.asked.count.min(ASKED);
         for asked in &opened.asked.all[..count] {
             let frame = tree.blocks[asked.block as usize].frame;
-            simd.expect(&tree.frames, frame as usize);
+            target.simd.expect(&tree.frames, frame as usize);
         }
         for i in 0..count {
             let Asked { block: item, rays } = opened.asked.all[i];
             let block = &tree.blocks[item as usize];
-            let found = target.open_block(block, rays, along.packet, along.room, along.queries);
+            let found = target.open_block(block, rays, self.packet, self.room, self.queries);
             if found.children != 0 {
-                target.expect_groups(block, found.children, rays, along.cells);
+                target.expect_groups(block, found.children, rays, self.cells);
                 opened.add(item, &found);
             }
         }
         opened.asked.clear();
     }
-}
 
-/// Tests what is open, [apart](Simd::apart).
-struct TestAll<'a, 'b, 't, 'p, 'r, S: Simd, B: Bounds8> {
-    target: &'a Target<'t, S, B, false>,
-    opened: &'a mut Opened,
-    along: &'a mut Along<'b, 'p, 'r, S>,
-}
-
-impl<S: Simd, B: Bounds8> Part<S> for TestAll<'_, '_, '_, '_, '_, S, B> {
-    type Output = ();
     #[inline(always)]
-    fn run(self, _: S) {
+    fn test(&mut self) {
         let Self {
             target,
+            cells,
             opened,
-            along:
-                Along {
-                    cells,
-                    pairs,
-                    queries,
-                    ..
-                },
+            pairs,
+            queries,
+            ..
         } = self;
         for open in &opened.open.all[..opened.open.count.min(OPEN)] {
             let block = &target.blocks.blocks[open.block as usize];
@@ -209,53 +199,21 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
         self.simd.expect(&self.blocks.blocks, block as usize);
         opened.asked.add(Asked { block, rays }, rays);
     }
-
-    /// Opens what is asked for; if nothing is, tests what is open. Rays may go on that did not before: all of them, after two
-    /// such steps.
-    #[inline(always)]
-    pub(super) fn go_on(&self, opened: &mut Opened, along: &mut Along<'_, '_, '_, S>) {
-        let asked = opened.asked.count;
-        if asked == 0 || opened.open.count + asked > OPEN {
-            self.simd.apart(TestAll {
-                target: self,
-                opened: &mut *opened,
-                along: &mut *along,
-            });
-        }
-        if asked != 0 {
-            self.simd.apart(OpenAll {
-                target: self,
-                opened,
-                along,
-            });
-        }
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use std::sync::Arc;
 
-    use glam::{DVec3, Vec3};
+    use glam::DVec3;
 
     use crate::bvh::ObjectGeometry;
     use crate::grid::{DicedMesh, Grid};
     use crate::trace::instance::InstanceTransform;
     use crate::trace::packet::PACKET;
     use crate::trace::query_packet::with_room;
+    use crate::trace::random::{cube, unit};
     use crate::trace::{Hit, Ray, TraceCounts, World, WorldInstance};
-
-    /// Numbers from 0 to 1.
-    fn unit(state: &mut u64) -> f32 {
-        *state = state
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
-        (*state >> 40) as f32 / (1u64 << 24) as f32
-    }
-
-    fn cube(state: &mut u64) -> Vec3 {
-        Vec3::new(unit(state), unit(state), unit(state)) * 2.0 - 1.0
-    }
 
     /// Bent patches that turn and drift in a cube.
     fn patches(keys: usize) -> World {

@@ -255,6 +255,16 @@ impl<'a, S: Simd> Packet<'a, S> {
 /// Origin, direction, instant and pad of a ray, for frames that few rays of a packet are turned into.
 pub type Record = [f32; 8];
 
+/// Room for a packet in the frames of blocks.
+pub struct InBlock<'a> {
+    /// For its rays in one of them.
+    pub turned: &'a mut Slabs,
+    /// For what they are turned from.
+    pub records: &'a mut [Record; PACKET],
+    /// True where that is there: from the first block on that has a frame of its own.
+    pub ready: bool,
+}
+
 struct Record8<'a, 'b, S: Simd> {
     packet: &'a Packet<'b, S>,
     to: &'a mut [Record; PACKET],

@@ -26,10 +26,11 @@ use glam::Vec3;
 use hdtrapeze_simd::{Float, Mask, Part, Simd};
 
 use super::cell_rays::CellRays;
+use super::in_tree::InTree;
 use super::object_ray::{ObjectRay, SLAB_PAD};
 use super::packet::{All, LANES, PACKET, Rays, VECTORS, load3, most, part, slab_pad, sound_rays};
+use super::queries::Queries;
 use super::room::Room;
-use super::traverse_packet::{InTree, Queries};
 use crate::bvh::carrier::Carrier;
 use crate::bvh::object::BlockTree;
 use crate::bvh::relative::{Relative, Trees};

@@ -4,8 +4,9 @@ use super::cell_rays::CellRays;
 use super::opened::Opened;
 use super::packet::{LANES, PACKET, Rays, Record, Slabs, VECTORS};
 use super::pairs::Pairs;
+use super::queries::Queries;
 use super::scattered::Turns;
-use super::traverse_packet::{Queries, Waiting};
+use super::traverse_packet::Waiting;
 
 /// What a thread keeps between packets; taken while in use.
 #[derive(Default)]

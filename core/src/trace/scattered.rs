@@ -14,7 +14,7 @@ use hdtrapeze_simd::{Float, Mask, Simd};
 
 use super::laid::{Laid, Tested};
 use super::packet::{LANES, Lanes, PACKET, Packet, Record, Slabs, split, turn_few};
-use super::traverse_packet::Queries;
+use super::queries::Queries;
 use crate::bvh::{Bounds8, Tree};
 
 /// Rays that take turns.
@@ -364,19 +364,8 @@ mod tests {
     use crate::bvh::ObjectGeometry;
     use crate::grid::{DicedMesh, Grid};
     use crate::trace::instance::InstanceTransform;
+    use crate::trace::random::{cube, unit};
     use crate::trace::{Hit, Ray, TraceCounts, World, WorldInstance};
-
-    /// Numbers from 0 to 1.
-    fn unit(state: &mut u64) -> f32 {
-        *state = state
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
-        (*state >> 40) as f32 / (1u64 << 24) as f32
-    }
-
-    fn cube(state: &mut u64) -> Vec3 {
-        Vec3::new(unit(state), unit(state), unit(state)) * 2.0 - 1.0
-    }
 
     /// For each number of subtrees that wait.
     struct Subtrees;
