@@ -37,6 +37,7 @@ mod scattered;
 pub mod shading;
 pub mod sides;
 mod strip;
+mod track;
 mod traverse;
 mod traverse_packet;
 mod two_cells;

@@ -21,7 +21,7 @@ pub struct Strip {
 
 /// A part of a strand.
 #[derive(Clone, Copy, Debug)]
-pub struct Part {
+pub struct StrandPart {
     /// Floats from the first of its strand's.
     pub floats: usize,
     /// Its first micropolygon.
@@ -56,10 +56,10 @@ impl Strip {
 
     /// The loose part in a slot.
     #[inline(always)]
-    pub fn part(&self, slot: u32) -> Part {
+    pub fn part(&self, slot: u32) -> StrandPart {
         let (cell, length) = part_of_strip(slot);
         let cell = u32::from(cell);
-        Part {
+        StrandPart {
             floats: cell as usize * self.step as usize,
             cell,
             two: length == 2 && cell + 1 < self.length,

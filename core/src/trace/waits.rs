@@ -9,7 +9,7 @@ use hdtrapeze_simd::{Float, Mask, Simd};
 use super::cell::{CellHit, exact};
 use super::cell_rays::CellRays;
 use super::packet::PACKET;
-use super::strip::{Part, Strip};
+use super::strip::{StrandPart, Strip};
 use super::two_cells::{FIRST, missed};
 use crate::grid::PlanarMesh;
 use crate::grid::planar::STRIP;
@@ -84,7 +84,7 @@ impl Waits {
         strip: &Strip,
         (g, first_vertex, slot): (u32, u32, u32),
         (ray, key): (usize, u32),
-    ) -> Option<Part> {
+    ) -> Option<StrandPart> {
         let part = strip.part(slot);
         let stride = strip.key as usize;
         let first = 3 * first_vertex as usize * mesh.key_times.len();
