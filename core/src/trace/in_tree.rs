@@ -227,6 +227,7 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
             });
         }
         let far = self.mesh.is_far();
+        debug_assert!(room.opened.is_empty(), "nothing waits in another tree");
         let mut items = ObjectItems {
             target: self,
             packet: &packet,
@@ -245,10 +246,11 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
             room,
             &mut items,
         );
-        if far {
-            // The next packet is like this one, most often.
-            room.opened.pays = items.meetings.are_of_few();
+        if far && let Some(few) = items.meetings.are_of_few() {
+            // The next packet that comes to an object as large is like this one, most often.
+            room.opened.pays = few;
         }
+        debug_assert!(room.opened.is_empty(), "all that was asked for was tested");
         room.give_back(space);
     }
 

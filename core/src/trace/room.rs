@@ -11,7 +11,7 @@ use super::traverse_packet::Waiting;
 /// What a thread keeps between packets; taken while in use.
 #[derive(Default)]
 pub(super) struct Room {
-    /// Subtrees still to visit, farthest first.
+    /// Subtrees still to visit; those of each ray farthest first.
     pub waiting: Vec<Waiting>,
     /// Pairs of rays and groups.
     pub pairs: Pairs,

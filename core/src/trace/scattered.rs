@@ -65,8 +65,8 @@ impl Numbers {
     }
 }
 
-/// Most items that all rays may come to in one step, and room for 8 more.
-const ITEMS: usize = 8 * TURNS + 8;
+/// Most items that all rays may come to in one step.
+const ITEMS: usize = 8 * TURNS;
 
 /// Items that rays have come to.
 pub(super) struct Items {

@@ -69,7 +69,7 @@ impl Track {
     }
 
     /// Takes the next subtree: the nearest of `children`, which were tested, that the ray enters, and the others wait; or one of
-    /// those that wait. True where there is none; none at all is given where there is no room.
+    /// those that wait. True where the ray is done: there is no subtree. Nothing is given, and nothing taken, where 8 more may have no room.
     ///
     /// What is next does not go by way of the stack, so that it is known soon.
     #[inline(always)]

@@ -25,8 +25,8 @@ pub(super) struct Waiting {
 pub(super) trait Items {
     /// Rays may come to an item soon.
     fn soon(&self, item: u32, rays: u64);
-    /// Some rays may hit an item, of which was said that it may be so, unless they came at once. Gives all that wait for
-    /// something: none of them goes on until there is nothing to do for others.
+    /// Some rays may hit an item, for which [`Items::soon`] was called unless it is the nearest child. Gives all that wait for
+    /// something: none of them goes on before it was told, here or by [`Items::go_on`], that it waits no more.
     fn test(&mut self, item: u32, rays: u64, queries: &mut Queries, room: &mut Room) -> u64;
     /// There is nothing else to do. Gives those that wait still; none, after some calls.
     fn go_on(&mut self, queries: &mut Queries, room: &mut Room) -> u64;
@@ -155,7 +155,8 @@ pub(super) fn walk_packet<S: Simd, B: Bounds8>(
 /// As many subtrees are looked at for one that rays can go on with.
 const LOOK: usize = 4;
 
-/// Takes what is next for some rays, of which none are among those that `wait`; if none do, the last there is above `floor`.
+/// Takes what is next for some rays, of which none are among those that `wait`; if none do, the last there is above `floor`, or nothing
+/// where the tree is done. Where some wait, nothing may also say that it is not among the [`LOOK`] that were looked at.
 #[inline(always)]
 fn next_but(waiting: &mut Vec<Waiting>, floor: usize, wait: u64) -> Option<Waiting> {
     if wait == 0 {
