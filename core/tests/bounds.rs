@@ -25,6 +25,8 @@ struct Vertex {
     at: [Vec3; 2],
     keys: [f32; 2],
     time: f32,
+    /// Bows of frames go straight from key to key.
+    straight: bool,
 }
 
 impl Vertex {
@@ -38,6 +40,7 @@ impl Vertex {
             at: [mesh.position(g, k, i), mesh.position(g, next, i)],
             keys: [keys[k], if next > k { keys[next] } else { 1.0 }],
             time,
+            straight: (3..=9).contains(&keys.len()),
         }
     }
 
@@ -53,7 +56,15 @@ impl Vertex {
         let time = Exact::from(self.time);
         let rest = Exact::from(1.0f32) - time.clone();
         let span = Exact::from(self.keys[1]) - Exact::from(self.keys[0]);
-        let bow = time.clone() * rest.clone() * Exact::from(frame.bow[axis]) * span;
+        let bow = if self.straight {
+            let part = |key: f32| Exact::from(key) * (Exact::from(1.0f32) - Exact::from(key));
+            let [t0, t1] = self.keys;
+            part(t0) * (Exact::from(t1) - time.clone())
+                + part(t1) * (time.clone() - Exact::from(t0))
+        } else {
+            time.clone() * rest.clone() * span
+        };
+        let bow = bow * Exact::from(frame.bow[axis]);
         if axis < 2 {
             return self.along(frame.axes[axis]) + bow;
         }
@@ -69,7 +80,13 @@ impl Vertex {
         let of_axis = [own[0], own[1], from + (to - from) * time][axis];
         let [a, b] = self.at.map(|p| p.as_dvec3().dot(of_axis));
         let bow = f64::from(frame.bow[axis]);
-        let along = a + (b - a) * ((time - t0) / (t1 - t0)) + bow * (time * (1.0 - time));
+        let fraction = (time - t0) / (t1 - t0);
+        let part = |time: f64| time * (1.0 - time);
+        let part = match self.straight {
+            true => part(t0) + (part(t1) - part(t0)) * fraction,
+            false => part(time),
+        };
+        let along = a + (b - a) * fraction + bow * part;
         let bound = start + (end - start) * time;
         let size = self.at[0].abs() + self.at[1].abs();
         let size = f64::from(size.max_element()) + start.abs() + end.abs() + bow.abs();

@@ -7,6 +7,7 @@ use glam::Vec3;
 use hdtrapeze_simd::{Float, Part, Simd};
 
 use super::block::{CellRect, GROUP, GROUPS, Span};
+use super::bowing::goes_straight;
 use super::lanes::{Boxes8, Ranges8};
 use super::turn::{BOW_PAD, BOWED_PAD, INNER_PAD, Turn, Turning};
 use super::{Frame, ROTATION_PAD, ROTATION_TINY};
@@ -227,7 +228,10 @@ impl<S: Simd> Part<S> for Through<'_> {
                 axes: [Vec3::ZERO, Vec3::ZERO, ((to - from) * length).as_vec3()],
             };
             let bows = ranges(simd, vertices, groups, Of::Step(k), Some(&step));
-            let bow = (turn.bow.as_dvec3() * (length * length)).as_vec3();
+            let bow = match goes_straight(times.len()) {
+                true => Vec3::ZERO,
+                false => (turn.bow.as_dvec3() * (length * length)).as_vec3(),
+            };
             for axis in 0..3 {
                 let bow = simd.all8(bow[axis]);
                 let (lo, hi) = match axis {

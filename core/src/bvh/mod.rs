@@ -32,6 +32,7 @@
 
 pub mod block;
 pub mod bound;
+pub mod bowing;
 pub mod build;
 pub mod carrier;
 mod coarse;

@@ -11,6 +11,7 @@ use hdtrapeze_simd::Level;
 use rayon::prelude::*;
 
 use super::block::Block;
+use super::bowing::Bowing;
 use super::build::{NEVER, Nodes, PARALLEL_ITEMS, Tree, build_sorted};
 use super::diagonal::CHILDREN;
 use super::gather::{Gathered, Part, gather, joined};
@@ -55,6 +56,8 @@ pub struct BlockTree<B: Bounds8> {
     pub diagonals: bool,
     /// Most items are parts of strands, longer than a group: of [strips](super::block::is_strip).
     pub strands: bool,
+    /// How frames bow.
+    pub bowing: Bowing,
 }
 
 impl<B: Bounds8> BlockTree<B> {
@@ -69,6 +72,7 @@ impl<B: Bounds8> BlockTree<B> {
         blocks: Vec::new(),
         diagonals: false,
         strands: false,
+        bowing: Bowing::parabola(),
     };
 }
 
@@ -419,6 +423,7 @@ pub(super) fn build_blocks<B: Bounds8>(mesh: DicedMesh, full: bool, upright: boo
         bounds.max_abs().max(magnitude(reach))
     };
     let tree_nodes = tree.nodes.len() as u64;
+    let bowing = Bowing::of(&mesh.key_times);
     let stats = BvhStats {
         nodes: tree_nodes,
         oriented_nodes: about.oriented,
@@ -439,6 +444,7 @@ pub(super) fn build_blocks<B: Bounds8>(mesh: DicedMesh, full: bool, upright: boo
             blocks,
             diagonals: 2 * about.diagonal > tree_nodes,
             strands: 2 * strips > item_count,
+            bowing,
         },
         bounds,
         radius,

@@ -10,18 +10,19 @@
 //!
 //! `(1 - s) a0.P0 + s a1.P1 - s (1 - s) w`, with `w = (a1 - a0).(P1 - P0)`,
 //!
-//! a chord and a bow; `w` is 0 for an axis that is fixed. Along each axis the frame adds `T (1 - T) q`, with a number `q` of
-//! its own, the *bow* of the frame. That is `T (1 - T) q` at both keys, and between them higher than its chord by
-//! `s (1 - s) h^2 q`. So with `c0` and `c1` for `a.P + T (1 - T) q` at both keys, the coordinate is
+//! a chord and a bow; `w` is 0 for an axis that is fixed. Along each axis the frame adds `B(T) q`, with a number `q` of
+//! its own, the *bow* of the frame. At keys, `B(T)` is `T (1 - T)`. Between two keys it goes straight where there are
+//! from 3 to 9, and else it is `T (1 - T)` too ([`super::bowing`]), which is above its chord by `s (1 - s) h^2`. So with
+//! `c0` and `c1` for `a.P + T (1 - T) q` at both keys, the coordinate is
 //!
-//! `(1 - s) c0 + s c1 - s (1 - s) (w - h^2 q)`,
+//! `(1 - s) c0 + s c1 - s (1 - s) l`, where `l` is `w`, or else `w - h^2 q`,
 //!
 //! and `s (1 - s)` is at most 1/4. Where a bound that is linear in time is not above any vertex' `c` at any key, and `e` is
-//! no less than any `w - h^2 q` of a segment and 0, the bound less `e/4` is below the coordinate at all times; the same
-//! above. With two keys `h` is 1, and `T (1 - T)` is 0 at both. A ray is turned likewise: `a(T).O + T (1 - T) q` stands for
+//! no less than any `l` of a segment and 0, the bound less `e/4` is below the coordinate at all times; the same
+//! above. With two keys `h` is 1, and `T (1 - T)` is 0 at both. A ray is turned likewise: `a(T).O + B(T) q` stands for
 //! its origin and `a(T).D` for its direction.
 //!
-//! **What `w - h^2 q` is.** The block's way, which all its vertices share, is in `q`: with two keys all that turns it along
+//! **What `l` is.** The block's way, which all its vertices share, is in `q`: with two keys all that turns it along
 //! the third axis, with more what best takes the path of its middle to a chord ([`Turn::through`]). Of an edge `E` of the
 //! block, which is at right angles to the normal at both ends, `w` is `-(a0.E1 + a1.E0)`: nothing where the surface turns
 //! about an axis in its plane, and nothing where it is sheared along its normal's way, if one of the two normals is
@@ -31,8 +32,8 @@
 //! ([`super::ROTATION_PAD`]), and keys between them by 1 more, for their axis, which is rounded once ([`INNER_PAD`]). A bow's
 //! two differences are off by 1 of themselves each, its products by 1 and its sums by 2, and padding it by 1 again, of terms
 //! that are up to 1.62 times as large: 9.8, and [`BOW_PAD`] is 16. Moving a bound by a quarter of what a bow has more
-//! rounds three times, by `|lo| + e/4` at most each. With more than two keys `h^2 q` is rounded once, by `|q|/4`
-//! in a quarter, and so is `T (1 - T) q`, whose sum with a coordinate, padded in its turn, rounds twice, by
+//! rounds three times, by `|lo| + e/4` at most each. With more than two keys `h^2 q`, where it counts, is rounded once, by
+//! `|q|/4` in a quarter, and so is `T (1 - T) q`, whose sum with a coordinate, padded in its turn, rounds twice, by
 //! `|lo| + |q|/4` each. [`BOWED_PAD`] is for `|lo| + |q|` there, and for `|lo| + e/4 + |q|` where a bound is moved.
 //!
 //! **What is stored.** Axes are whole numbers of 2^-14, of 16 bits: 36 bytes a frame ([`StoredTurn`]). They are rounded
@@ -40,6 +41,7 @@
 
 use glam::Vec3;
 
+use super::bowing::goes_straight;
 use super::{Frame, U};
 
 /// What bows are widened by, per `sum |P1_i - P0_i|` of the vertex at hand; see the module's text.
@@ -80,7 +82,7 @@ pub struct Turn {
     pub axes: [Vec3; 2],
     /// The third axis at the start of the shutter and at its end, of unit length or less.
     pub normals: [Vec3; 2],
-    /// What is added to coordinates, times `T (1 - T)`.
+    /// What is added to coordinates, times [`B(T)`](super::bowing).
     pub bow: Vec3,
 }
 
@@ -290,6 +292,7 @@ impl Path<'_> {
         let bow = (sum / weight).clamp(-MOST_BOW * reach, MOST_BOW * reach);
         // What slabs of the middle alone are thick: what keys leave, and what segments add.
         let step = if axis == 2 { turn.step() } else { Vec3::ZERO };
+        let straight = goes_straight(self.inner.len() + 2);
         let thick = |bow: f32| {
             let (mut lo, mut hi) = (0.0f32, 0.0f32);
             let (mut below, mut above) = (0.0f32, 0.0f32);
@@ -298,7 +301,8 @@ impl Path<'_> {
                 let x = excess(time, at) + time * (1.0 - time) * bow;
                 (lo, hi) = (lo.min(x), hi.max(x));
                 let h = time - before.0;
-                let left = h * (step.dot(at - before.1) - h * bow);
+                let own = if straight { 0.0 } else { h * bow };
+                let left = h * (step.dot(at - before.1) - own);
                 (below, above) = (below.max(left), above.max(-left));
                 before = (time, at);
             }

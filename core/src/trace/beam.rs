@@ -378,6 +378,7 @@ mod tests {
     use hdtrapeze_simd::{Kernel, Level};
 
     use super::*;
+    use crate::bvh::bowing::PARABOLA;
     use crate::bvh::lanes::Boxes8;
     use crate::bvh::{LinearBox, LinearSlabs, StaticSlabs};
     use crate::trace::enter::{Spans, enter_packet};
@@ -413,9 +414,23 @@ mod tests {
             let bounds = B::pack(simd, &Boxes8::of(simd, self.boxes));
             let mut slabs = Slabs::NONE;
             let packet = if B::MOVING {
-                Packet::new::<true>(simd, self.rays, self.lanes, 4.0, None, &mut slabs)
+                Packet::new::<true>(
+                    simd,
+                    self.rays,
+                    self.lanes,
+                    4.0,
+                    None,
+                    (&mut slabs, &PARABOLA),
+                )
             } else {
-                Packet::new::<false>(simd, self.rays, self.lanes, 4.0, None, &mut slabs)
+                Packet::new::<false>(
+                    simd,
+                    self.rays,
+                    self.lanes,
+                    4.0,
+                    None,
+                    (&mut slabs, &PARABOLA),
+                )
             };
             let t_min = [[0.25; LANES]; VECTORS];
             let beam = Beam::within(simd, &packet, &bounds, &t_min)?;

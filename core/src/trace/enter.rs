@@ -9,6 +9,7 @@ use hdtrapeze_simd::{Float, Mask, Part, Simd};
 
 use super::packet::{All, LANES, PACKET, Ranges, Record, Slabs, VECTORS, part, turn_few};
 use crate::bvh::Bounds8;
+use crate::bvh::bowing::Bowing;
 use crate::bvh::node::Lattice8;
 use crate::bvh::turn::Turning;
 
@@ -170,7 +171,7 @@ pub fn enter_few<S: Simd, B: Bounds8, T: Turning>(
     simd: S,
     bounds: &B,
     valid: u32,
-    frame: &T,
+    frame: (&T, &Bowing),
     rays: u64,
     (records, slabs): (&[Record; PACKET], &mut Slabs),
     ranges: &Ranges,
@@ -189,7 +190,7 @@ pub fn enter_few<S: Simd, B: Bounds8, T: Turning>(
 struct EnterFew<'a, B, T> {
     bounds: &'a B,
     valid: u32,
-    frame: &'a T,
+    frame: (&'a T, &'a Bowing),
     rays: u64,
     records: &'a [Record; PACKET],
     slabs: &'a mut Slabs,

@@ -9,18 +9,19 @@ use hdtrapeze_simd::{Float, Mask, Part, Simd};
 
 use super::enter::Entered;
 use super::packet::{LANES, PACKET, Ranges, Record, Sixteen, turned};
+use crate::bvh::bowing::Bowing;
 use crate::bvh::node::Lattice8;
 use crate::bvh::turn::Turning;
 use crate::bvh::{Bounds8, U};
 
-/// Tests `rays`, one or more, whose `records` are given, against 8 children in a frame, each ray between its own `t_min`
+/// Tests `rays`, one or more, whose `records` are given, against 8 children in a frame, which bows as is told, each ray between its own `t_min`
 /// and `t_max`, which `ranges` gives: the second mirrored. Where rays enter a child is not told.
 #[inline(always)]
 pub fn enter_block<S: Simd, B: Bounds8, T: Turning>(
     simd: S,
     bounds: &B,
     valid: u32,
-    frame: &T,
+    frame: (&T, &Bowing),
     rays: u64,
     records: &[Record; PACKET],
     ranges: &Ranges,
@@ -38,7 +39,7 @@ pub fn enter_block<S: Simd, B: Bounds8, T: Turning>(
 struct EnterBlock<'a, B, T> {
     bounds: &'a B,
     valid: u32,
-    frame: &'a T,
+    frame: (&'a T, &'a Bowing),
     rays: u64,
     records: &'a [Record; PACKET],
     ranges: &'a Ranges,
@@ -192,6 +193,7 @@ mod tests {
     use hdtrapeze_simd::{Kernel, Level};
 
     use super::*;
+    use crate::bvh::bowing::PARABOLA;
     use crate::bvh::lanes::Boxes8;
     use crate::bvh::turn::Turn;
     use crate::bvh::{Frame, LinearBox, LinearSlabs, StaticSlabs};
@@ -265,13 +267,19 @@ mod tests {
                 ranges.as_flattened_mut()[ray] = [0.4 + 0.4 * random.next(), -1.1];
             }
             let valid = 0xff >> (self.0 % 5);
-            let found = enter_block(simd, &bounds, valid, &frame, rays, &records, &ranges);
+            let keys = [0.0, 0.25, 0.625, 1.0];
+            let bowing = match self.0 % 7 {
+                0..4 => &PARABOLA,
+                _ => &Bowing::of(&keys),
+            };
+            let frame = (&frame, bowing);
+            let found = enter_block(simd, &bounds, valid, frame, rays, &records, &ranges);
             let mut room = Slabs::SPOILED;
             let (mut all, mut entered) = (0, 0);
             for ray in (0..PACKET).filter(|ray| rays >> ray & 1 == 1) {
                 let one = 1 << ray;
                 let alone = (&records, &mut room);
-                let own = enter_few(simd, &bounds, valid, &frame, one, alone, &ranges);
+                let own = enter_few(simd, &bounds, valid, frame, one, alone, &ranges);
                 for child in 0..8 {
                     let enters = own.children >> child & 1 == 1;
                     let found = found.children >> child & 1 == 1 && found.rays[child] & one != 0;

@@ -194,6 +194,7 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
             turns_records,
             ..
         } = &mut *space;
+        let slabs = (slabs, &self.blocks.bowing);
         let mut packet = if B::MOVING {
             Packet::new::<true>(self.simd, slab_rays, lanes, self.radius, pads, slabs)
         } else {
@@ -318,6 +319,7 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
                 packet.records(records);
                 *ready = true;
             }
+            let frame = (frame, packet.bowing);
             if B::MOVING && rays.count_ones() > FEW {
                 enter_block(simd, bounds, valid, frame, rays, records, &queries.ranges)
             } else {

@@ -33,9 +33,9 @@
 //! hit is, at up to sqrt(3) R: 7.4. The bow of any axis is at most 5.6 R: with two keys it is along the third alone, 1.61 for
 //! the step of an axis times 2 sqrt(3) R for the block's way; with more it is no larger than 5.5 times the reach of the block's
 //! middle, which is not beyond R but for its own roundings. `T (1 - T)` of it, at most 1.4 R, is off by 3
-//! roundings: 4.2. Adding it to the origin rounds by 1.8 more, and what is larger by it, by 7 times 1.4 R: 9.8.
-//! Together with the 76.5 above that is 99.7 on the third axis, and 92.3 on the others; such tests are padded by
-//! [`TURN_PADS`] pads, 120.
+//! roundings: 4.2; where bows go straight from key to key ([`crate::bvh::bowing`]), by 3.25 of 5.6 R and one of 1.4 R:
+//! 19.6. Adding it to the origin rounds by 1.8 more, and what is larger by it, by 7 times 1.4 R: 9.8. Together with the 76.5
+//! above that is 115.1 on the third axis, and 107.7 on the others; such tests are padded by [`TURN_PADS`] pads, 120.
 //!
 //! **Below f32's normal numbers** a product is off by up to 2^-150, however small it is. In coordinates (interpolation,
 //! shear, and three products that turn an origin), that is a distance of less than 2^-146. In `t`, it is multiplied
@@ -52,6 +52,7 @@ use std::ops::RangeInclusive;
 use glam::Vec3;
 
 use crate::bvh::U;
+use crate::bvh::bowing::{Bowing, PARABOLA};
 use crate::bvh::node::SlabRay;
 use crate::bvh::turn::{TURN_PADS, Turning};
 
@@ -83,6 +84,8 @@ pub struct ObjectRay {
     /// The ray in the identity frame.
     pub slab: SlabRay,
     smallest_dir: f32,
+    /// What bows of frames are multiplied by.
+    bow: f32,
 }
 
 impl ObjectRay {
@@ -117,7 +120,16 @@ impl ObjectRay {
             pad,
             slab: slab_ray(origin, dir, time, pad, smallest_dir),
             smallest_dir,
+            bow: PARABOLA.at(time),
         })
+    }
+
+    /// The same for a tree whose frames bow as `bowing` says; without it, as is right for two keys.
+    #[inline(always)]
+    #[must_use]
+    pub fn bowing(self, bowing: &Bowing) -> Self {
+        let bow = bowing.at(self.time);
+        Self { bow, ..self }
     }
 
     /// The ray turned into a node's frame.
@@ -129,7 +141,7 @@ impl ObjectRay {
         if T::TURNS {
             let turn = frame.turn();
             at.axes[2] += turn.step() * time;
-            bow = turn.bow * (time * (1.0 - time));
+            bow = turn.bow * self.bow;
             pad *= TURN_PADS;
         }
         let origin = at.turn(self.origin) + bow;

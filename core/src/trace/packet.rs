@@ -7,6 +7,7 @@ use glam::Vec3;
 use hdtrapeze_simd::{Float, Mask, Part, Simd};
 
 use super::object_ray::{DIR_RANGE, LEAST_DIR, SLAB_PAD, TINY_PAD};
+use crate::bvh::bowing::Bowing;
 use crate::bvh::turn::{TURN_PADS, Turning};
 use crate::bvh::{COORDINATE_LIMIT, U};
 
@@ -138,6 +139,8 @@ pub struct Packet<'a, S: Simd> {
     pub sound: u64,
     /// In the identity frame, by vector.
     pub slabs: &'a mut Slabs,
+    /// How frames of the tree bow.
+    pub bowing: &'a Bowing,
     pad: [S::F16; VECTORS],
     smallest_dir: [S::F16; VECTORS],
     time: [S::F16; VECTORS],
@@ -146,7 +149,7 @@ pub struct Packet<'a, S: Simd> {
 impl<'a, S: Simd> Packet<'a, S> {
     /// Prepares the rays `lanes` for a tree whose slab tests see them at `MOVING` times. `pad` is what
     /// [`ObjectRay`](super::object_ray::ObjectRay) would be given for each; `None` derives it from `radius`.
-    /// `slabs` is room for them.
+    /// `slabs` is room for them; frames of the tree bow as `bowing` says.
     #[inline(always)]
     pub fn new<const MOVING: bool>(
         simd: S,
@@ -154,7 +157,7 @@ impl<'a, S: Simd> Packet<'a, S> {
         lanes: u64,
         radius: f32,
         pads: Option<&All>,
-        slabs: &'a mut Slabs,
+        (slabs, bowing): (&'a mut Slabs, &'a Bowing),
     ) -> Self {
         simd.apart(NewPacket::<'_, '_, MOVING> {
             rays,
@@ -162,6 +165,7 @@ impl<'a, S: Simd> Packet<'a, S> {
             radius,
             pads,
             slabs,
+            bowing,
         })
     }
 
@@ -172,7 +176,7 @@ impl<'a, S: Simd> Packet<'a, S> {
         lanes: u64,
         radius: f32,
         pads: Option<&All>,
-        slabs: &'a mut Slabs,
+        (slabs, bowing): (&'a mut Slabs, &'a Bowing),
     ) -> Self {
         let zero = simd.all16(0.0);
         let mut packet = Self {
@@ -180,6 +184,7 @@ impl<'a, S: Simd> Packet<'a, S> {
             rays,
             sound: 0,
             slabs,
+            bowing,
             pad: [zero; VECTORS],
             smallest_dir: [zero; VECTORS],
             time: [zero; VECTORS],
@@ -240,7 +245,7 @@ impl<'a, S: Simd> Packet<'a, S> {
                 load3(simd, &rays.dir),
                 self.time[v],
             );
-            let (rays, pad) = turned(Sixteen(simd), frame, rays, self.pad[v]);
+            let (rays, pad) = turned(Sixteen(simd), (frame, self.bowing), rays, self.pad[v]);
             to.set(simd, v, rays, (pad, self.smallest_dir[v]), moving, form);
         }
     }
@@ -304,7 +309,7 @@ const EIGHT: usize = 8;
 #[inline(always)]
 pub fn turn_few<S: Simd, T: Turning>(
     simd: S,
-    frame: &T,
+    frame: (&T, &Bowing),
     rays: u64,
     moving: bool,
     records: &[Record; PACKET],
@@ -383,7 +388,7 @@ pub(super) type Turned<F> = ([F; 3], [F; 3], F);
 #[inline(always)]
 pub(super) fn turned<const N: usize, C: Copies<N>, T: Turning>(
     copies: C,
-    frame: &T,
+    (frame, bowing): (&T, &Bowing),
     (origin, dir, time): Turned<C::Vector>,
     pad: C::Vector,
 ) -> (Turned<C::Vector>, C::Vector) {
@@ -402,13 +407,27 @@ pub(super) fn turned<const N: usize, C: Copies<N>, T: Turning>(
     let mut origin = [along(&x, &origin), along(&y, &origin), along(&z, &origin)];
     let dir = [along(&x, &dir), along(&y, &dir), along(&z, &dir)];
     if T::TURNS {
-        let bow = time * (copies.all(1.0) - time);
+        let bow = bow(copies, bowing, time);
         let most = all3(copies, turn.bow);
         for (origin, most) in origin.iter_mut().zip(most) {
             *origin = bow.mul_add(most, *origin);
         }
     }
     ((origin, dir, time), pad)
+}
+
+/// [`Bowing::at`] the time of each ray.
+#[inline(always)]
+fn bow<const N: usize, C: Copies<N>>(copies: C, bowing: &Bowing, time: C::Vector) -> C::Vector {
+    let [first, rest @ ..] = bowing.lines() else {
+        return time * (copies.all(1.0) - time);
+    };
+    let line = |[slope, start]: [f32; 2]| time.mul_add(copies.all(slope), copies.all(start));
+    let mut least = line(*first);
+    for &next in rest {
+        least = least.min(line(next));
+    }
+    least
 }
 
 /// Rays along one axis, as [`Slabs`] has them.
@@ -453,6 +472,7 @@ struct NewPacket<'a, 'b, const MOVING: bool> {
     radius: f32,
     pads: Option<&'b All>,
     slabs: &'a mut Slabs,
+    bowing: &'a Bowing,
 }
 
 impl<'a, S: Simd, const MOVING: bool> Part<S> for NewPacket<'a, '_, MOVING> {
@@ -465,7 +485,7 @@ impl<'a, S: Simd, const MOVING: bool> Part<S> for NewPacket<'a, '_, MOVING> {
             self.lanes,
             self.radius,
             self.pads,
-            self.slabs,
+            (self.slabs, self.bowing),
         )
     }
 }

@@ -13,6 +13,7 @@ use super::room::{Room, Space};
 use super::traverse_packet::{Items, walk_packet};
 use super::world::{MOVERS, Numbered, TopTree, World, clamp_times};
 use super::{Hit, Ray, TraceCounts};
+use crate::bvh::bowing::PARABOLA;
 use crate::bvh::{Bounds8, ObjectGeometry, Tree};
 
 thread_local! {
@@ -167,7 +168,7 @@ impl World {
         }
         let mut space = room.take();
         let Space { slabs, turned, .. } = &mut *space;
-        let packet = Packet::new::<MOVING>(simd, rays, lanes, 0.0, Some(&pads), slabs);
+        let packet = Packet::new::<MOVING>(simd, rays, lanes, 0.0, Some(&pads), (slabs, &PARABOLA));
         let mut instances = Instances {
             world: self,
             simd,

@@ -88,7 +88,8 @@ impl Relative {
                 let part = usize::from(self.middle.is_some_and(|middle| time >= middle));
                 let (from, length) = self.part(part);
                 let time = ((time - from) / length).clamp(0.0, 1.0);
-                Seen::Moving(&trees[part], ObjectRay::padded(o, d, time, pad)?)
+                let (tree, ray) = (&trees[part], ObjectRay::padded(o, d, time, pad)?);
+                Seen::Moving(tree, ray.bowing(&tree.bowing))
             }
         })
     }

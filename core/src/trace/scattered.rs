@@ -171,7 +171,7 @@ pub(super) fn walk_scattered<S: Simd, B: Bounds8>(
             } else {
                 if node.frame != track.frame {
                     track.frame = node.frame;
-                    let frame = &tree.frames[node.frame as usize];
+                    let frame = (&tree.frames[node.frame as usize], packet.bowing);
                     turn_few(simd, frame, 1 << track.ray, B::MOVING, records, turned);
                     track.turned.set(simd, turned, 0, B::MOVING);
                 }

@@ -244,7 +244,10 @@ impl<'a, S: Simd, B: Bounds8, const CULL: bool> Target<'a, S, B, CULL> {
         counts: &mut TraceCounts,
     ) {
         let time = if B::KEYS { time } else { 0.0 };
-        if let Some(ray) = ObjectRay::new(origin, dir, time, self.radius) {
+        if let Some(mut ray) = ObjectRay::new(origin, dir, time, self.radius) {
+            if B::MOVING {
+                ray = ray.bowing(&self.blocks.bowing);
+            }
             let cells = CellRay::new(&ray, &self.mesh.key_times);
             let seen = seen.unwrap_or(&ray);
             self.trace(self.blocks.tree.root, seen, &cells, query, stack, counts);

@@ -5,6 +5,7 @@ use std::marker::PhantomData;
 
 use glam::Vec3;
 use hdtrapeze_core::bvh::bound::bound_groups;
+use hdtrapeze_core::bvh::bowing::Bowing;
 use hdtrapeze_core::bvh::diagonal::{Diagonal, packed};
 use hdtrapeze_core::bvh::lanes::Boxes8;
 use hdtrapeze_core::bvh::node::{enter, enter_node, magnitude};
@@ -35,6 +36,7 @@ struct Case {
     frame: Frame,
     /// In which it is bounded in place of `frame`.
     turn: Option<Turn>,
+    bowing: Bowing,
     radius: f32,
     ray: (Vec3, Vec3, f32),
     /// What the ray goes to.
@@ -45,10 +47,12 @@ impl Case {
     /// `turns` asks for a frame that is not the identity, most often, and `strand` for a cell that is thin, in one that does not
     /// turn.
     fn new(genes: &mut Genes<'_>, scale: i32, (turns, strand): (bool, bool)) -> Case {
-        let keys: &[f32] = match genes.below(4) {
+        let many: [f32; 11] = std::array::from_fn(|k| k as f32 / 10.0);
+        let keys: &[f32] = match genes.below(5) {
             0 => &[0.0],
             1 => &[0.0, 1.0],
             2 => &[0.0, 0.3, 1.0],
+            3 => &many,
             _ => &[0.0, 0.1, 0.45, 0.5, 1.0],
         };
         let time = genes.unit();
@@ -139,6 +143,7 @@ impl Case {
             diagonal,
             frame,
             turn,
+            bowing: Bowing::of(keys),
             radius,
             ray: (origin, dir, time),
             target,
@@ -280,6 +285,7 @@ impl Way {
                 let Some(ray) = ObjectRay::padded(origin, dir, time, pad) else {
                     return false;
                 };
+                let ray = ray.bowing(&case.bowing);
                 let slabs = match &case.turn {
                     Some(turn) => ray.turned(turn),
                     None if turns => ray.turned(&case.frame),
@@ -300,10 +306,11 @@ impl Way {
                 }
                 let mut slabs = Slabs::NONE;
                 let (lanes, pads) = (bundle.lanes, Some(&pads));
+                let slabs = (&mut slabs, &case.bowing);
                 let packet = if B::MOVING {
-                    Packet::new::<true>(simd, &rays, lanes, 0.0, pads, &mut slabs)
+                    Packet::new::<true>(simd, &rays, lanes, 0.0, pads, slabs)
                 } else {
-                    Packet::new::<false>(simd, &rays, lanes, 0.0, pads, &mut slabs)
+                    Packet::new::<false>(simd, &rays, lanes, 0.0, pads, slabs)
                 };
                 if packet.sound >> bundle.ray & 1 == 0 {
                     return false;
@@ -325,11 +332,13 @@ impl Way {
                     set(&mut rays[v], lane, case.ray);
                 }
                 let pads = [[pad; LANES]; VECTORS];
+                let bowing = &case.bowing;
                 let mut slabs = Slabs::NONE;
+                let slabs = (&mut slabs, bowing);
                 let packet = if B::MOVING {
-                    Packet::new::<true>(simd, &rays, lanes, 0.0, Some(&pads), &mut slabs)
+                    Packet::new::<true>(simd, &rays, lanes, 0.0, Some(&pads), slabs)
                 } else {
-                    Packet::new::<false>(simd, &rays, lanes, 0.0, Some(&pads), &mut slabs)
+                    Packet::new::<false>(simd, &rays, lanes, 0.0, Some(&pads), slabs)
                 };
                 if packet.sound != lanes {
                     return false;
@@ -339,11 +348,12 @@ impl Way {
                 let ranges = [[[t, -t]; LANES]; VECTORS];
                 let mut records = [[f32::NAN; 8]; PACKET];
                 packet.records(&mut records);
-                let (all, frame) = (&records, &case.frame);
+                let (all, frame) = (&records, (&case.frame, bowing));
                 if let Way::InTurns(ray) = self {
                     let mut laid = Laid::filled(f32::NAN);
                     match &case.turn {
                         Some(turn) => {
+                            let turn = (turn, bowing);
                             turn_few(simd, turn, lanes, B::MOVING, all, &mut turned);
                             laid.set(simd, &turned, 0, B::MOVING);
                         }
@@ -364,6 +374,7 @@ impl Way {
                 let few = match (self, &case.turn) {
                     (Way::Few(_), Some(turn)) => {
                         let room = (all, &mut turned);
+                        let turn = (turn, bowing);
                         Some(enter_few(simd, bounds, 1, turn, lanes, room, &ranges))
                     }
                     (Way::Few(_), None) => {
@@ -371,6 +382,7 @@ impl Way {
                         Some(enter_few(simd, bounds, 1, frame, lanes, room, &ranges))
                     }
                     (Way::AtBlock(_), Some(turn)) => {
+                        let turn = (turn, bowing);
                         Some(enter_block(simd, bounds, 1, turn, lanes, all, &ranges))
                     }
                     (Way::AtBlock(_), None) => {

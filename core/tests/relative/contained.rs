@@ -26,18 +26,30 @@ fn position(mesh: &PlanarMesh, g: usize, i: usize, time: f64) -> DVec3 {
     a + (b - a) * ((time - t0) / (t1 - t0))
 }
 
-/// True when `p` is inside, to within the rounding of f64 in this test.
+/// What bows are multiplied by: `T (1 - T)`, with 3 to 9 keys at these, and straight between them.
+fn part(key_times: &[f64], time: f64) -> f64 {
+    let parabola = |time: f64| time * (1.0 - time);
+    if !(3..=9).contains(&key_times.len()) {
+        return parabola(time);
+    }
+    let next = key_times.iter().position(|&key| key > time);
+    let next = next.unwrap_or(key_times.len() - 1);
+    let (a, b) = (key_times[next - 1], key_times[next]);
+    parabola(a) + (parabola(b) - parabola(a)) * ((time - a) / (b - a))
+}
+
+/// True when `p` is inside at a time, to within the rounding of f64 in this test; bows are multiplied by `part`.
 fn contains(
     b: &impl Fn(f64) -> (DVec3, DVec3),
     frame: &Turn,
     p: DVec3,
-    time: f64,
+    (time, part): (f64, f64),
 ) -> Result<(), String> {
     let (lo, hi) = b(time);
     for a in 0..3 {
         let [from, to] = frame.normals.map(|normal| normal.as_dvec3());
         let [first, second] = frame.axes.map(|axis| axis.as_dvec3());
-        let bow = f64::from(frame.bow[a]) * (time * (1.0 - time));
+        let bow = f64::from(frame.bow[a]) * part;
         let x = [first, second, from + (to - from) * time][a].dot(p) + bow;
         let slack = 1e-14
             * (p.abs().max_element() + lo.abs().max_element() + hi.abs().max_element() + bow.abs());
@@ -58,6 +70,8 @@ type Vertices = Vec<(usize, usize)>;
 struct Place<'a> {
     at: &'a dyn Fn(usize, usize, f64) -> DVec3,
     slack: f64,
+    /// Times of the tree's keys.
+    key_times: Vec<f64>,
 }
 
 /// Checks all below `reference`; returns the vertices there, as (grid, vertex). `times` are the tree's.
@@ -111,7 +125,8 @@ fn check_tree<B: Bounds8>(
                     let (lo, hi) = bounds.at(t);
                     (lo - place.slack, hi + place.slack)
                 };
-                contains(&wide, &frame, (place.at)(g, i, time), time)?;
+                let when = (time, part(&place.key_times, time));
+                contains(&wide, &frame, (place.at)(g, i, time), when)?;
             }
         }
         all.extend(vertices);
@@ -146,6 +161,7 @@ fn check_relative(
             let place = Place {
                 at: &of(0.0, 1.0),
                 slack,
+                key_times: vec![0.0],
             };
             check_tree(mesh, tree, tree.tree.root, times, &place)
         }
@@ -158,9 +174,14 @@ fn check_relative(
             }
             let mut all = Vec::new();
             for (tree, ends) in trees.iter().zip(ends.windows(2)) {
+                // As they are rounded there.
+                let (a, b) = (ends[0] as f32, ends[1] as f32);
+                let own = mesh.key_times.iter().filter(|key| (a..=b).contains(*key));
+                let key_times = own.map(|&key| f64::from((key - a) / (b - a))).collect();
                 let place = Place {
                     at: &of(ends[0], ends[1]),
                     slack,
+                    key_times,
                 };
                 all = check_tree(mesh, tree, tree.tree.root, times, &place)?;
                 all.sort_unstable();
@@ -194,7 +215,7 @@ fn check_object(mesh: DicedMesh, times: &[f64]) -> Result<bool, String> {
                 &|t| object.bounds().at(t),
                 &Turn::fixed(&Frame::IDENTITY),
                 p,
-                time,
+                (time, 0.0),
             )?;
         }
     }

@@ -17,7 +17,7 @@
 // derivation with that: in units of U (|origin| + radius) a reciprocal is off by 5 where it was off by 1, which adds 4 to
 // every product of a slab test (12 R + 4 |o|; 20.8 with the rotation of a frame), 6.9 to a sheared vertex and 13.9 to its
 // place between keys, 6.9 to the quotient that `t` is; its weights are rounded to f32 here, 10. With core's 76.5 that is
-// 135; 160 has room for terms of second order and for tests that are not exact. A frame that turns adds core's 24, and 6
+// 135; 160 has room for terms of second order and for tests that are not exact. A frame that turns adds core's 39, and 6
 // for what it makes larger; its pad is half as much again.
 
 const U: f32 = 5.9604644775390625e-8;
@@ -56,6 +56,8 @@ struct TreeRay {
     dir: vec3<f32>,
     time: f32,
     pad: f32,
+    // What bows of frames are multiplied by.
+    bow: f32,
 }
 
 // Children that a ray may hit, and where it enters them.
@@ -72,7 +74,7 @@ fn longest(v: vec3<f32>) -> f32 {
 // A ray against a tree whose coordinates are no larger than `radius`; slab tests are padded by `more` besides.
 fn tree_ray(origin: vec3<f32>, dir: vec3<f32>, time: f32, radius: f32, more: f32) -> TreeRay {
     let pad = SLAB_PAD * (longest(origin) + radius) + more;
-    return TreeRay(origin, dir, time, pad + (longest(dir) + 1.0) * TINY_PAD);
+    return TreeRay(origin, dir, time, pad + (longest(dir) + 1.0) * TINY_PAD, time * (1.0 - time));
 }
 
 // False for a ray that cannot be traced. Nothing here relies on NaN or infinity: what is beyond the limits fails, rays
@@ -109,7 +111,7 @@ fn turned(ray: TreeRay, frame: u32) -> SlabRay {
     var bow = vec3<f32>(0.0);
     if TIME && (frame & TURNS) != 0u {
         z += (axis_of(at + 9u) - z) * ray.time;
-        bow = axis_of(at + 12u) * (ray.time * (1.0 - ray.time));
+        bow = axis_of(at + 12u) * ray.bow;
         own.pad *= TURN_PADS;
     }
     let origin = vec3<f32>(dot(x, ray.origin), dot(y, ray.origin), dot(z, ray.origin)) + bow;

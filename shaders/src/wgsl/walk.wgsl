@@ -174,7 +174,10 @@ fn walk(ray: Ray, best: ptr<function, Hit>) -> vec2<u32> {
             instance = place.number;
             let local = carried(place, ray.origin, ray.dir, ray.time);
             object = objects[place.object];
-            let there = tree_ray(local.origin, local.dir, ray.time, object.radius, 0.0);
+            var there = tree_ray(local.origin, local.dir, ray.time, object.radius, 0.0);
+            if TIME && goes_straight(object.key_count) {
+                there.bow = straight_bow(object.key_times, object.key_count, ray.time);
+            }
             if local.sound && is_sound(there) && object.root != EMPTY {
                 inside = true;
                 floor = top;

@@ -31,12 +31,12 @@ struct Slabs {
 }
 
 impl Slabs {
-    /// An error where a position is outside at `time`: not by rounding in f64, of which there is none at the ends.
-    fn hold(&self, p: DVec3, time: f64) -> Result<(), Failed> {
+    /// An error where a position is outside at a time, and bows are multiplied by `part`: not by rounding in f64, of which there is none at the ends.
+    fn hold(&self, p: DVec3, (time, part): (f64, f64)) -> Result<(), Failed> {
         let (mut axes, mut bow) = (self.axes, DVec3::ZERO);
         if let Some((end, most)) = self.turns {
             axes[2] = axes[2] * (1.0 - time) + end * time;
-            bow = most * (time * (1.0 - time));
+            bow = most * part;
         }
         for (axis, a) in axes.iter().enumerate() {
             let x = a.dot(p) + bow[axis];
@@ -56,6 +56,10 @@ impl Slabs {
         }
         Ok(())
     }
+}
+
+fn parabola(time: f64) -> f64 {
+    time * (1.0 - time)
 }
 
 /// A tree, as the device has it, and the mesh that it is of.
@@ -180,7 +184,7 @@ impl Walk<'_> {
                     f64::from(time)
                 };
                 for slabs in above {
-                    slabs.hold(at_key(k), time)?;
+                    slabs.hold(at_key(k), (time, parabola(time)))?;
                 }
             }
             if keys.len() == 1 {
@@ -192,9 +196,15 @@ impl Walk<'_> {
                     .filter(|&&key| f64::from(key) <= time)
                     .count();
                 let [from, to] = [keys[k], keys[k + 1]].map(f64::from);
-                let p = at_key(k).lerp(at_key(k + 1), (time - from) / (to - from));
+                let fraction = (time - from) / (to - from);
+                let p = at_key(k).lerp(at_key(k + 1), fraction);
+                // From 3 to 9 keys bows go straight from one to the next.
+                let part = match keys.len() {
+                    3..=9 => parabola(from) + (parabola(to) - parabola(from)) * fraction,
+                    _ => parabola(time),
+                };
                 for slabs in above {
-                    slabs.hold(p, time)?;
+                    slabs.hold(p, (time, part))?;
                 }
             }
         }
@@ -288,8 +298,8 @@ pub fn over_instances(tracer: &Tracer, world: &World, scene: &GpuScene) -> Resul
             let own = boxes.get(&number).ok_or(format!("no instance {number}"))?;
             for slabs in &above {
                 for (time, lo, hi) in [(0.0, own.lo0, own.hi0), (1.0, own.lo1, own.hi1)] {
-                    slabs.hold(lo.as_dvec3(), time)?;
-                    slabs.hold(hi.as_dvec3(), time)?;
+                    slabs.hold(lo.as_dvec3(), (time, parabola(time)))?;
+                    slabs.hold(hi.as_dvec3(), (time, parabola(time)))?;
                 }
             }
             met.push(number);
