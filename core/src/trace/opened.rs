@@ -37,13 +37,13 @@ struct Open {
 
 /// What waits, and the rays that do.
 #[derive(Debug)]
-struct Waits<T, const MOST: usize> {
+struct Held<T, const MOST: usize> {
     count: usize,
     all: [T; MOST],
     rays: u64,
 }
 
-impl<T: Copy + Default, const MOST: usize> Default for Waits<T, MOST> {
+impl<T: Copy + Default, const MOST: usize> Default for Held<T, MOST> {
     fn default() -> Self {
         Self {
             count: 0,
@@ -53,7 +53,7 @@ impl<T: Copy + Default, const MOST: usize> Default for Waits<T, MOST> {
     }
 }
 
-impl<T: Copy, const MOST: usize> Waits<T, MOST> {
+impl<T: Copy, const MOST: usize> Held<T, MOST> {
     /// One more, which there is room for.
     #[inline(always)]
     fn add(&mut self, one: T, rays: u64) {
@@ -73,9 +73,9 @@ impl<T: Copy, const MOST: usize> Waits<T, MOST> {
 #[derive(Debug, Default)]
 pub(super) struct Opened {
     /// For themselves, and their frames.
-    asked: Waits<Asked, ASKED>,
+    asked: Held<Asked, ASKED>,
     /// For their vertices.
-    open: Waits<Open, OPEN>,
+    open: Held<Open, OPEN>,
     /// To wait pays, as far as that was seen.
     pub pays: bool,
     /// Blocks that were asked for, and how often what is open was tested for want of room.

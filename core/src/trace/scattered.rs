@@ -69,15 +69,15 @@ impl Numbers {
 const ITEMS: usize = 8 * TURNS;
 
 /// Items that rays have come to.
-pub(super) struct Items {
+pub(super) struct Reached {
     count: usize,
     items: [u32; ITEMS],
     rays: [u32; ITEMS],
     near: [f32; ITEMS],
 }
 
-impl Items {
-    const NONE: Items = Items {
+impl Reached {
+    const NONE: Reached = Reached {
         count: 0,
         items: [0; ITEMS],
         rays: [0; ITEMS],
@@ -123,7 +123,7 @@ pub(super) fn walk_scattered<S: Simd, B: Bounds8>(
     (records, turned): (&mut [Record; PACKET], &mut Slabs),
     Turns(tracks): &mut Turns,
     queries: &mut Queries,
-    mut take: impl FnMut(&Items, &mut Queries) -> u64,
+    mut take: impl FnMut(&Reached, &mut Queries) -> u64,
 ) -> u64 {
     if tree.root & Tree::<B>::LEAF != 0 {
         // Nothing to walk: a single item, or none.
@@ -134,7 +134,7 @@ pub(super) fn walk_scattered<S: Simd, B: Bounds8>(
     }
     let mut left_out = 0;
     let mut rest = packet.sound;
-    let mut items = Items::NONE;
+    let mut items = Reached::NONE;
     // Tracks on which a ray is, those whose rays are done, which the next take, and the one that each ray had.
     let mut live = Numbers::of((1 << TURNS) - 1);
     let mut done = (1u32 << TURNS) - 1;
