@@ -99,7 +99,14 @@ fn main() {
     let full = args.iter().any(|a| a == "--bench");
     let mut plain = args.iter().filter(|a| !a.starts_with('-'));
     let only = plain.next().filter(|o| *o != "all");
-    let millions: f32 = plain.next().and_then(|s| s.parse().ok()).unwrap_or(1.0);
+    let millions = plain.next().map_or(Ok(1.0), |size| size.parse::<f32>());
+    let millions = match millions {
+        Ok(millions) if millions > 0.0 && millions.is_finite() => millions,
+        _ => {
+            eprintln!("the size is a number of millions, more than 0");
+            std::process::exit(2);
+        }
+    };
     let (scale, size, checks, rounds) = if full {
         (millions, 512, 4, 4)
     } else {
@@ -159,6 +166,13 @@ fn main() {
             &patch_lens,
         ),
     ];
+    if let Some(only) = only
+        && scenes.iter().all(|(name, ..)| name != only)
+    {
+        let names: Vec<&str> = scenes.iter().map(|(name, ..)| *name).collect();
+        eprintln!("no scene {only:?}; there are all, {}", names.join(", "));
+        std::process::exit(2);
+    }
     println!(
         "scene      | keys | tree    | ns/ray |  time | of 16 |  time | B/quad | bytes | nodes/ray | cells/ray | build Mquads/s"
     );

@@ -503,6 +503,32 @@ fn frames_follow_blocks_along_arcs() {
 }
 
 #[test]
+fn keys_next_to_an_end_of_the_shutter_leave_nothing_undefined() {
+    let nearest_to_1 = 1.0 - 0.5f32.powi(24);
+    for keys in [
+        &[0.0, 1e-25, 1.0][..],
+        &[0.0, 1e-40, 1e-25, 0.5, 1.0],
+        &[0.0, nearest_to_1, 1.0],
+    ] {
+        for make in [combed(2000, 0.002, keys, 1), sheet(8, 16, keys)] {
+            let object = ObjectGeometry::plain(make.clone());
+            assert!(object.radius() < 10.0, "{keys:?}: {}", object.radius());
+            let Blas::Moving(tree) = object.blas() else {
+                panic!("it moves");
+            };
+            let frames = tree.frames.iter().chain(&tree.tree.frames);
+            // Besides those that are the identity.
+            let count = frames.clone().count();
+            assert!(count > 12, "{keys:?}: {count}");
+            for turn in frames.map(Turning::turn) {
+                assert!(turn.bow.is_finite(), "{keys:?}: {turn:?}");
+            }
+            check_object(make, &[0.0, 1e-25, 0.3, nearest_to_1, 1.0]).expect("contained");
+        }
+    }
+}
+
+#[test]
 fn frames_follow_normals_that_turn() {
     for count in [2, 5, 9] {
         let make = || sheet(24, 16, &keys(count));

@@ -691,3 +691,47 @@ fn a_world_that_nobody_wants_any_more_is_not_built() {
     assert_eq!(set(true).err(), Some(WorldError::Cancelled));
     assert_eq!(set(false).map(|world| world.instance_count()), Ok(20_000));
 }
+
+/// From so far that distances are multiples of 1/32, rays meet both triangles of a micropolygon at the same one, often.
+#[test]
+fn rays_in_packets_see_the_triangle_that_they_see_alone() {
+    for across in [false, true] {
+        let mut rng = Rng(5);
+        let who: Vec<_> = (0..100)
+            .map(|_| {
+                let off: [Vec3; 18] = std::array::from_fn(|_| rng.cube() * 0.02);
+                (rng.cube(), rng.direction(), rng.direction(), off)
+            })
+            .collect();
+        let rates = if across { (8, 1) } else { (1, 8) };
+        let strands = mesh(&[rates; 100], &[0.0], |g, u, v, _| {
+            let (u, v) = if across { (v, u) } else { (u, v) };
+            let (from, along, side, off) = &who[g];
+            let off = off[2 * (8.0 * v).round() as usize + u.round() as usize];
+            *from + *along * v + *side * (0.02 * (u - 0.5)) + off
+        });
+        let world = world_of(strands.clone());
+        let mut hits = 0;
+        for _ in 0..100 {
+            let rays: Vec<Ray> = (0..PACKET)
+                .map(|_| {
+                    let (g, j, dir) = (rng.below(100), rng.below(8), rng.direction());
+                    let p = strands.grid_positions(g, 0);
+                    let target = match across {
+                        true => (p[j] + p[j + 1] + p[9 + j]) / 3.0,
+                        false => (p[2 * j] + p[2 * j + 1] + p[2 * j + 2]) / 3.0,
+                    };
+                    ray(target - dir * 3e5, dir, 0.0)
+                })
+                .collect();
+            let mut found = vec![Hit::MISS; PACKET];
+            world.trace_many(&rays, &mut found, &mut TraceCounts::default());
+            for (ray, hit) in rays.iter().zip(&found) {
+                let alone = world.trace(ray, &mut TraceCounts::default());
+                assert_eq!(*hit, alone, "{ray:?}");
+                hits += usize::from(hit.is_hit());
+            }
+        }
+        assert!(hits > 500, "{hits}");
+    }
+}

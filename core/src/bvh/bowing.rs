@@ -9,7 +9,8 @@
 //! **Rounding**, in units of `U = 2^-24`: `T (1 - T)`, of at most 1/4, is off by 2 of itself. The two numbers of a line, found in
 //! f64, are rounded once, as are its product and its sum. Where a line is the least it is at most 1/4. If it rises or is level,
 //! both of its terms are at most that, and together they are off by 1; if it falls, `a b` is at most 1, the other term no larger,
-//! and together they are off by 3.25. A line that is not the least is no larger when rounded, but for that.
+//! and together they are off by 3.25. A line that is not the least
+//! does not fall below it by more than that when it is rounded.
 
 /// Lines that each ray is asked for, at most; what has more keys bows as if it had two.
 const MOST_LINES: usize = 8;

@@ -17,7 +17,8 @@
 //! In f32 each is off by at most 3 roundings of at most 1 (difference, difference, quotient), and so `6 U` together;
 //! over a motion of at most 2 radii that is `12 U` radii. A model's positions, found in f64, are rounded once: `1 U`
 //! radius. On the axes of a frame both are up to sqrt(3) larger, 22.6. [`MODEL_PAD`] has room for them, and for
-//! terms of order `U^2`. Straying and standing still (see
+//! terms of order `U^2`. Axes that turn, and bows, are those of the rounded time for bounds and rays alike, with the model's own
+//! rounded keys: they are no part of this. Straying and standing still (see
 //! [`super::carrier`]) come on top; together they are [`Relative::slack`]. What becomes of the ray is derived in
 //! `trace::relative`.
 

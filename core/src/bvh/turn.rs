@@ -308,8 +308,12 @@ impl Path<'_> {
             }
             (hi - lo) + 0.25 * (below + above)
         };
-        // False where there is none.
-        if thick(bow) < thick(0.0) { bow } else { 0.0 }
+        // There is none where keys are so near one end that squares of their parts are 0.
+        if bow.is_finite() && thick(bow) < thick(0.0) {
+            bow
+        } else {
+            0.0
+        }
     }
 }
 

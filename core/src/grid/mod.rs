@@ -148,7 +148,8 @@ impl DicedMesh {
     /// True when keys ascend from 0 to 1 and there is a position for every vertex and key.
     pub fn is_usable(&self) -> bool {
         let keys = &self.key_times;
-        self.positions.len() >= self.vertex_count * self.key_count()
+        let needed = self.vertex_count.checked_mul(self.key_count());
+        needed.is_some_and(|needed| self.positions.len() >= needed)
             && keys.windows(2).all(|w| w[0] < w[1])
             && (keys.len() == 1 || keys.first() == Some(&0.0) && keys.last() == Some(&1.0))
     }

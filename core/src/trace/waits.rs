@@ -165,16 +165,17 @@ impl Waits {
         let [missed_a, missed_b] = missed(zero, &x, &y, FIRST);
         let [missed_c, missed_d] = missed(zero, &x, &y, SECOND);
         // Of a single micropolygon there is no second.
-        let mut single = 0;
+        let (mut single, mut along) = (0, 0);
         for (k, wait) in waits.iter().enumerate() {
             single |= u32::from(!wait.two) << k;
+            along |= u32::from(wait.along_rows) << k;
         }
-        let missed = [
-            missed_a.bits(),
-            missed_b.bits(),
-            missed_c.bits() | single,
-            missed_d.bits() | single,
-        ];
+        // Sides and rows change places along rows, and so do a micropolygon's triangles. The first one comes first, as it does for a
+        // ray alone: where both are hit at the same distance, that is the hit.
+        let in_order = |a: u32, b: u32| [(a & !along) | (b & along), (b & !along) | (a & along)];
+        let [missed_a, missed_b] = in_order(missed_a.bits(), missed_b.bits());
+        let [missed_c, missed_d] = in_order(missed_c.bits(), missed_d.bits());
+        let missed = [missed_a, missed_b, missed_c | single, missed_d | single];
         if !(missed[0] & missed[1] & missed[2] & missed[3]) & lanes == 0 {
             return;
         }
@@ -189,16 +190,14 @@ impl Waits {
                 let lane = found.trailing_zeros() as usize & (PARTS - 1);
                 found &= found - 1;
                 let wait = &waits[lane];
-                // Sides and rows change places along rows, and so do a micropolygon's triangles.
                 let corners = TRIANGLES[usize::from(wait.along_rows)][i];
                 let corners = corners.map(
                     #[inline(always)]
                     |k| [sx[k][lane], sy[k][lane], sz[k][lane]].map(f64::from),
                 );
-                let last = (i % 2 == 1) != wait.along_rows;
                 let ray = usize::from(wait.ray) & (PACKET - 1);
                 let [.., dir_z, _] = cells.rays[ray];
-                if let Some(hit) = exact(corners, last, f64::from(dir_z)) {
+                if let Some(hit) = exact(corners, i % 2 == 1, f64::from(dir_z)) {
                     let cell = u32::from(wait.cell) + u32::from(in_second);
                     accept(ray, wait.grid, cell, hit);
                 }
@@ -273,7 +272,7 @@ const SECOND: [usize; 4] = [3, 2, 4, 5];
 /// Corners of the triangles of both micropolygons, where strands run across rows, and along them.
 const TRIANGLES: [[[usize; 3]; 4]; 2] = [
     [[0, 1, 2], [0, 2, 3], [3, 2, 4], [3, 4, 5]],
-    [[0, 2, 1], [0, 3, 2], [3, 4, 2], [3, 5, 4]],
+    [[0, 3, 2], [0, 2, 1], [3, 5, 4], [3, 4, 2]],
 ];
 
 static NOWHERE: [f32; FLOATS] = [0.0; FLOATS];

@@ -53,7 +53,9 @@ fn contains(
         let x = [first, second, from + (to - from) * time][a].dot(p) + bow;
         let slack = 1e-14
             * (p.abs().max_element() + lo.abs().max_element() + hi.abs().max_element() + bow.abs());
-        if x < lo[a] - slack || x > hi[a] + slack {
+        // Written so that NaN is refused.
+        let inside = x >= lo[a] - slack && x <= hi[a] + slack;
+        if !inside {
             return Err(format!(
                 "axis {a}: {x} not in [{}, {}] at {time}",
                 lo[a], hi[a]
