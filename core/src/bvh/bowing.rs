@@ -1,16 +1,16 @@
 //! How the bows of frames that turn go with time: what is added to coordinates, times a number of the frame's own
 //! ([`super::turn`]).
 //!
-//! At the times `T` of keys it is `T (1 - T)`. Between them it goes that way too where there are two keys; where there are
-//! more, it goes straight from one key to the next, as vertices do, so that what follows them leaves nothing. It is the least of
-//! all lines through neighbouring keys then, since `T (1 - T)` bends one way only: `(1 - a - b) T + a b` goes through it at
-//! `a` and at `b`.
+//! At the times `T` of keys it is `T (1 - T)`. Between them it goes that way too where there are two keys, or more than 9, which
+//! would be too many lines to ask each ray for. Where there are from 3 to 9, it goes straight from one key to the next, as
+//! vertices do, so that what follows them leaves nothing. It is the least of all lines through neighbouring keys then, since
+//! `T (1 - T)` bends one way only: `(1 - a - b) T + a b` goes through it at `a` and at `b`.
 //!
 //! **Rounding**, in units of `U = 2^-24`: `T (1 - T)`, of at most 1/4, is off by 2 of itself. The two numbers of a line, found in
 //! f64, are rounded once, as are its product and its sum. Where a line is the least it is at most 1/4. If it rises or is level,
 //! both of its terms are at most that, and together they are off by 1; if it falls, `a b` is at most 1, the other term no larger,
-//! and together they are off by 3.25. A line that is not the least
-//! does not fall below it by more than that when it is rounded.
+//! and together they are off by 3.25. A line that is not the least does not fall below it by more than that when it is
+//! rounded.
 
 /// Lines that each ray is asked for, at most; what has more keys bows as if it had two.
 const MOST_LINES: usize = 8;

@@ -413,24 +413,11 @@ mod tests {
         fn run<S: Simd>(self, simd: S) -> Option<(u32, u32, u32)> {
             let bounds = B::pack(simd, &Boxes8::of(simd, self.boxes));
             let mut slabs = Slabs::NONE;
+            let (rays, room) = (self.rays, (&mut slabs, &PARABOLA));
             let packet = if B::MOVING {
-                Packet::new::<true>(
-                    simd,
-                    self.rays,
-                    self.lanes,
-                    4.0,
-                    None,
-                    (&mut slabs, &PARABOLA),
-                )
+                Packet::new::<true>(simd, rays, self.lanes, 4.0, None, room)
             } else {
-                Packet::new::<false>(
-                    simd,
-                    self.rays,
-                    self.lanes,
-                    4.0,
-                    None,
-                    (&mut slabs, &PARABOLA),
-                )
+                Packet::new::<false>(simd, rays, self.lanes, 4.0, None, room)
             };
             let t_min = [[0.25; LANES]; VECTORS];
             let beam = Beam::within(simd, &packet, &bounds, &t_min)?;

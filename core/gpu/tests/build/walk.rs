@@ -31,7 +31,8 @@ struct Slabs {
 }
 
 impl Slabs {
-    /// An error where a position is outside at a time, and bows are multiplied by `part`: not by rounding in f64, of which there is none at the ends.
+    /// An error where a position is outside at a time, at which bows are multiplied by `part`: not by rounding in f64, of
+    /// which there is none at the ends.
     fn hold(&self, p: DVec3, (time, part): (f64, f64)) -> Result<(), Failed> {
         let (mut axes, mut bow) = (self.axes, DVec3::ZERO);
         if let Some((end, most)) = self.turns {
