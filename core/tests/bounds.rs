@@ -373,7 +373,7 @@ proptest! {
         keys in keys_strategy(), seed: u64, noise in 0i32..12, size in -100i32..40, times in times_strategy()
     ) {
         let noise = if noise == 0 { 0.0 } else { (-noise as f32).exp2() };
-        let mut m = flown(3, &keys, noise, seed);
+        let mut m = curved::flown(3, &keys, noise, seed);
         for p in &mut m.positions {
             *p *= (size as f32).exp2();
         }
@@ -449,32 +449,6 @@ fn degenerate_grids_are_contained_and_never_hit() {
     }
 }
 
-/// Blocks that fly along arcs and turn meanwhile, with noise at every key.
-fn flown(count: usize, keys: &[f32], noise: f32, seed: u64) -> DicedMesh {
-    let mut rng = Rng(seed);
-    let who: Vec<_> = (0..count)
-        .map(|_| {
-            (
-                rng.cube(),
-                rng.direction(),
-                rng.direction(),
-                rng.cube(),
-                rng.cube(),
-            )
-        })
-        .collect();
-    mesh(&vec![(16, 16); count], keys, move |g, u, v, t| {
-        let (centre, axis, spin, way, fall) = who[g];
-        let q = glam::Quat::from_axis_angle(spin, 1.5 * t)
-            * glam::Quat::from_rotation_arc(Vec3::Z, axis);
-        let (x, y) = (u - 0.5, v - 0.5);
-        let p = Vec3::new(x, y, 0.1 * (x * x - y * y));
-        let bits = u64::from(u.to_bits()) << 32 ^ u64::from(v.to_bits()).rotate_left(11);
-        let off = Rng(seed ^ bits ^ u64::from(t.to_bits()).rotate_left(43)).cube() * noise;
-        centre + q * (p * 0.3 + off) + way * t + fall * (t * t)
-    })
-}
-
 /// Frames of an object's blocks that turn, and those of them that have a bow along a fixed axis.
 fn turning(object: &ObjectGeometry) -> [usize; 2] {
     let Blas::Moving(tree) = object.blas() else {
@@ -493,11 +467,11 @@ fn turning(object: &ObjectGeometry) -> [usize; 2] {
 fn frames_follow_blocks_along_arcs() {
     let times: Vec<f32> = (0..=16).map(|i| i as f32 / 16.0).collect();
     for count in 3..=9 {
-        let object = ObjectGeometry::plain(flown(12, &keys(count), 0.0, 3));
+        let object = ObjectGeometry::plain(curved::flown(12, &keys(count), 0.0, 3));
         let [turns, bows] = turning(&object);
         assert!(turns > 24 && bows > 24, "{count}: {turns}, {bows}");
         for noise in [0.0, 0.002] {
-            check_object(flown(12, &keys(count), noise, 3), &times).expect("contained");
+            check_object(curved::flown(12, &keys(count), noise, 3), &times).expect("contained");
         }
     }
 }

@@ -314,6 +314,15 @@ fn main() {
             agree_on(tracer, &world, 50)
         }),
     );
+    for key_count in [3, 6, 9, 12] {
+        add(
+            format!("paths_along_arcs_with_{key_count}_keys"),
+            Box::new(move |tracer| {
+                let world = world_of(curved::flown(24, &keys(key_count), 0.0, 3));
+                agree_on(tracer, &world, 50)
+            }),
+        );
+    }
     add(
         "surfaces_that_coincide".to_owned(),
         Box::new(|tracer| agree_on(tracer, &coincident(5), 300)),

@@ -101,3 +101,28 @@ pub fn whip(count: usize, keys: &[f32], seed: u64) -> DicedMesh {
         root + across * (u - 0.5) + (Vec3::Z * v + lean * (v * v)) * 0.25
     })
 }
+
+/// Blocks that fly along arcs and turn meanwhile, with noise at every key.
+pub fn flown(count: usize, keys: &[f32], noise: f32, seed: u64) -> DicedMesh {
+    let mut rng = Rng(seed);
+    let who: Vec<_> = (0..count)
+        .map(|_| {
+            (
+                rng.cube(),
+                rng.direction(),
+                rng.direction(),
+                rng.cube(),
+                rng.cube(),
+            )
+        })
+        .collect();
+    mesh(&vec![(16, 16); count], keys, move |g, u, v, t| {
+        let (centre, axis, spin, way, fall) = who[g];
+        let q = Quat::from_axis_angle(spin, 1.5 * t) * Quat::from_rotation_arc(Vec3::Z, axis);
+        let (x, y) = (u - 0.5, v - 0.5);
+        let p = Vec3::new(x, y, 0.1 * (x * x - y * y));
+        let bits = u64::from(u.to_bits()) << 32 ^ u64::from(v.to_bits()).rotate_left(11);
+        let off = Rng(seed ^ bits ^ u64::from(t.to_bits()).rotate_left(43)).cube() * noise;
+        centre + q * (p * 0.3 + off) + way * t + fall * (t * t)
+    })
+}
