@@ -54,12 +54,12 @@ compare() {
 }
 
 peers() {
-    compare $out/peers-1m.md --size 1 --rounds 2 --scene sheet --scene patches --scene fur
+    compare $out/peers-1m.md --size 1 --rounds 3 --scene sheet --scene patches --scene fur
     compare $out/peers-fur.md --size 1 --order block --samples 4 --rounds 2 --image 640 360 --scene fur
     compare $out/peers-combed.md --size 1 --rounds 2 --scene combed
-    compare $out/peers-16m.md --size 16 --rounds 2 --order block --scene sheet --scene patches
-    # Embree's rates are so low here that fewer rays are enough.
-    compare $out/peers-16m-fur.md --size 16 --image 480 272 --samples 4 --rounds 2 --order block --scene fur
+    compare $out/peers-16m.md --size 16 --rounds 2 --scene sheet --scene patches
+    # Embree's rates are so low here that fewer rays are enough: of a part of the same picture, so that as many meet in a pixel.
+    compare $out/peers-16m-fur.md --size 16 --image 480 272 --across 1280 --rounds 2 --scene fur
 }
 
 # The table of oriented frames, the last without Embree, of all scenes.

@@ -47,6 +47,10 @@ pub struct Arguments {
     #[arg(long, num_args = 2, value_names = ["W", "H"], value_parser = pixels)]
     image: Option<Vec<usize>>,
 
+    /// Pixels across the whole picture, of which --image is the middle [default: no more than the image]
+    #[arg(long, value_name = "W", value_parser = positive)]
+    across: Option<usize>,
+
     /// Rays a pixel
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = positive)]
     samples: usize,
@@ -141,6 +145,13 @@ impl Arguments {
             Some(&[width, height]) => [width, height],
             _ => image,
         };
+        let across = self.across.unwrap_or(image[0]);
+        if across < image[0] {
+            return Err(format!(
+                "--across {across} is less than the {} pixels of the image",
+                image[0]
+            ));
+        }
         let rays = image[0]
             .checked_mul(image[1])
             .and_then(|n| n.checked_mul(self.samples));
@@ -155,6 +166,7 @@ impl Arguments {
         Ok(Options {
             millions: size,
             image,
+            across,
             samples: self.samples,
             secondary: if self.quick { 2000 } else { 1_000_000 },
             rounds: self.rounds.unwrap_or(rounds),
@@ -251,6 +263,9 @@ mod tests {
         let options = asked("").unwrap();
         assert_eq!((options.millions, options.samples), (1.0, 16));
         assert_eq!((options.image, options.rounds), ([1280, 720], 3));
+        assert_eq!(options.across, 1280);
+        let middle = asked("--image 480 272 --across 1280").unwrap();
+        assert_eq!((middle.image, middle.across), ([480, 272], 1280));
         assert_eq!((options.orders.len(), options.variants.len()), (3, 8));
         // Whatever comes first.
         for words in [
@@ -279,6 +294,8 @@ mod tests {
             ("--rounds 0", "1 or more"),
             ("--image 6 4", "multiple of 4"),
             ("--image 8", "2 values"),
+            ("--image 8 4 --across 7", "less than the 8 pixels"),
+            ("--across 0", "1 or more"),
             ("--image 100000 100000", "are more than"),
             ("--samples 18446744073709551615", "are more than"),
             ("--scene hair", "sheet, patches, fur, combed"),

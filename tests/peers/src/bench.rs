@@ -30,6 +30,8 @@ pub const ORDERS: [&str; 3] = ["tile", "block", "pixel"];
 pub struct Options {
     pub millions: f64,
     pub image: [usize; 2],
+    /// Pixels across the whole picture, of which the image is the middle.
+    pub across: usize,
     pub samples: usize,
     /// Rays that leave hits, about.
     pub secondary: usize,
@@ -167,7 +169,7 @@ fn check_ours(family: Family, moving: bool, checks: usize) -> Result<(), String>
     let mesh = family.moving(0.01);
     let mesh = if moving { mesh } else { frozen(&mesh, 0.5) };
     let (_, world) = built(mesh);
-    let rays = family.lens().rays([64, 64], 4);
+    let rays = family.lens().rays([64, 64], 64, 4);
     let mut rng = Rng(5);
     for _ in 0..checks {
         let ray = rays[rng.below(rays.len())];
@@ -256,7 +258,10 @@ pub fn run(
         (world, tracer)
     });
 
-    let rays = family.lens().rays(options.image, options.samples);
+    let rays = {
+        let (image, across) = (options.image, options.across);
+        family.lens().rays(image, across, options.samples)
+    };
     let mut hits = vec![Hit::MISS; rays.len()];
     let counts = trace(&world, &rays, Way::Packets, &mut hits);
     let count = rays.len() as f64;

@@ -34,12 +34,12 @@ impl Lens {
         }
     }
 
-    /// Rays of an image; the samples of a pixel have a stratum of the shutter each. By tiles of 4x4
-    /// pixels, and in each by strata: 16 rays in a row are neighbours in space and time.
-    pub fn rays(&self, [width, height]: [usize; 2], samples: usize) -> Vec<Ray> {
+    /// Rays of an image, the middle of a picture that is `across` pixels wide; the samples of a pixel have a stratum of the shutter
+    /// each. By tiles of 4x4 pixels, and in each by strata: 16 rays in a row are neighbours in space and time.
+    pub fn rays(&self, [width, height]: [usize; 2], across: usize, samples: usize) -> Vec<Ray> {
         let mut rng = Rng(42);
         let [right, up, forward] = self.axes;
-        let scale = 2.0 * self.half_width * self.focus / width as f32;
+        let scale = 2.0 * self.half_width * self.focus / across as f32;
         let mut rays = Vec::with_capacity(width * height * samples);
         for tile in 0..width / 4 * (height / 4) {
             for stratum in 0..samples {
@@ -150,7 +150,7 @@ mod tests {
         for family in [Family::Sheet, Family::Patches] {
             let mesh = family.moving(0.01);
             let (object, world) = (object(mesh.clone()), world_of(mesh));
-            let rays = family.lens().rays([32, 32], 4);
+            let rays = family.lens().rays([32, 32], 32, 4);
             let trace = |r: &Ray| world.trace(r, &mut TraceCounts::default());
             let hits: Vec<Hit> = rays.iter().map(trace).collect();
             let (mut halves, mut moved) = ([0, 0], 0.0f32);
@@ -180,6 +180,28 @@ mod tests {
             // A third for times that have nothing to do with each other.
             let mean = sum / leaving.len() as f32;
             assert!((mean - 1.0 / 3.0).abs() < 0.05, "{mean}");
+        }
+    }
+
+    #[test]
+    fn the_middle_of_a_picture_has_its_pixels() {
+        let lens = Lens::new(Vec3::new(0.0, -2.0, 1.0), Vec3::ZERO, 0.0, 0.5);
+        let [right, up, forward] = lens.axes;
+        for (image, across) in [([32, 16], 32), ([32, 16], 64), ([8, 32], 256)] {
+            let mut most = [0.0f32; 2];
+            for r in lens.rays(image, across, 16) {
+                for (most, axis) in most.iter_mut().zip([right, up]) {
+                    *most = most.max((r.dir.dot(axis) / r.dir.dot(forward)).abs());
+                }
+            }
+            for (most, pixels) in most.into_iter().zip(image) {
+                let reach = 0.5 * pixels as f32 / across as f32;
+                let share = most / reach;
+                assert!(
+                    (0.95..1.0001).contains(&share),
+                    "{image:?} {across}: {share}"
+                );
+            }
         }
     }
 

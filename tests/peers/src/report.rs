@@ -21,8 +21,12 @@ pub fn heading(embree: Option<&Embree>, options: &Options) -> String {
         Clock::Cpu => "processor time",
     };
     let [width, height] = options.image;
+    let middle = match options.across {
+        across if across > width => format!(" in the middle of a picture {across} pixels across"),
+        _ => String::new(),
+    };
     format!(
-        "{peer}\n\n{} threads, {width}x{height} pixels of {} rays with lens and time, best of {} rounds \
+        "{peer}\n\n{} threads, {width}x{height} pixels{middle} of {} rays with lens and time, best of {} rounds \
          (median in brackets) by {clock}.\n\n",
         rayon::current_num_threads(),
         options.samples,
