@@ -245,14 +245,10 @@ fn cheapest_of<S: Simd, H: Hull, const N: usize>(
     items: &[Sorted<H>],
     extent: &Extent<H>,
 ) -> Option<(Places, Plane<H>)> {
-    let between = |places: Places| {
-        let filled = fill::<S, H, _, N>(simd, items, &places);
-        cheapest(simd, &filled, &places).map(|plane| (places, plane))
-    };
-    let best = between(Places::new(extent, [N; 3]));
+    let best = between::<S, H, N>(simd, items, Places::new(extent, [N; 3]));
     if H::MOVES
         && let Some(drift) = drift(simd, items, extent)
-        && let Some(other) = between(Places::of_drift(&drift, [N; 3]))
+        && let Some(other) = between::<S, H, N>(simd, items, Places::of_drift(&drift, [N; 3]))
         && best
             .as_ref()
             .is_none_or(|(_, plane)| other.1.cost < plane.cost)
@@ -260,6 +256,17 @@ fn cheapest_of<S: Simd, H: Hull, const N: usize>(
         return Some(other);
     }
     best
+}
+
+/// The cheapest plane between some bins, and these.
+#[inline(always)]
+fn between<S: Simd, H: Hull, const N: usize>(
+    simd: S,
+    items: &[Sorted<H>],
+    places: Places,
+) -> Option<(Places, Plane<H>)> {
+    let filled = fill::<S, H, _, N>(simd, items, &places);
+    cheapest(simd, &filled, &places).map(|plane| (places, plane))
 }
 
 /// The box around the [drifts](Hull::drift4) of items, in place of that around their centres, where they differ much.
