@@ -604,7 +604,11 @@ mod tests {
     fn what_drifts_apart_is_split_by_drift_up_to_some_hundred_items() {
         let item = |id: u32| {
             let at = Vec3::new(id as f32 * 0.01, 0.0, 0.0);
-            let drift = if id % 2 == 0 { Vec3::Y } else { Vec3::NEG_Y } * 50.0;
+            let drift = if id.is_multiple_of(2) {
+                Vec3::Y
+            } else {
+                Vec3::NEG_Y
+            } * 50.0;
             let size = Vec3::splat(0.1);
             let bounds = LinearBox {
                 lo0: at - drift,
