@@ -258,10 +258,8 @@ pub fn run(
         (world, tracer)
     });
 
-    let rays = {
-        let (image, across) = (options.image, options.across);
-        family.lens().rays(image, across, options.samples)
-    };
+    let (image, samples) = (options.image, options.samples);
+    let rays = family.lens().rays(image, options.across, samples);
     let mut hits = vec![Hit::MISS; rays.len()];
     let counts = trace(&world, &rays, Way::Packets, &mut hits);
     let count = rays.len() as f64;
@@ -280,7 +278,6 @@ pub fn run(
             });
         }
     };
-    let (image, samples) = (options.image, options.samples);
     for &order in &options.orders {
         let (rays, hits) = match order {
             "tile" => (rays.clone(), hits.clone()),

@@ -21,9 +21,13 @@ pub fn heading(embree: Option<&Embree>, options: &Options) -> String {
         Clock::Cpu => "processor time",
     };
     let [width, height] = options.image;
-    let middle = match options.across {
-        across if across > width => format!(" in the middle of a picture {across} pixels across"),
-        _ => String::new(),
+    let middle = if options.across > width {
+        format!(
+            " in the middle of a picture {} pixels across",
+            options.across
+        )
+    } else {
+        String::new()
     };
     format!(
         "{peer}\n\n{} threads, {width}x{height} pixels{middle} of {} rays with lens and time, best of {} rounds \
