@@ -233,7 +233,7 @@ impl<T: Turning> Kernel for BoundGroups<'_, T> {
         let mut directions = [[Vec3::ZERO; 2]; GROUPS];
         let mut groups = Groups::default();
         for (slot, &(grid, rect, ends)) in self.groups.iter().enumerate() {
-            let grid = &self.mesh.grids[grid as usize];
+            let grid = &self.mesh.traced(grid);
             groups.put(slot, self.mesh.first_float(grid, 0), grid, rect);
             directions[slot % GROUPS] = ends.map(|end| frame.turn(end));
         }

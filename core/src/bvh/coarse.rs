@@ -23,6 +23,10 @@ const MOST_CELLS: usize = 1 << 22;
 const LEAST_CELLS: usize = 64;
 /// Splits below each other, at most.
 const DEPTH: usize = 32;
+/// Cells of a region, which one thread fills: those of a run of numbers.
+const REGION_CELLS: usize = 4096;
+/// Chunks whose items one thread sorts into regions.
+const GROUP_CHUNKS: usize = 16;
 
 /// A split that is known before its range is reached, and those below it.
 pub struct Known<H> {
@@ -76,6 +80,9 @@ impl<H: Hull> Piece<H> for Cell<H> {
 /// [`CHUNK_BITS`], its place there.
 pub struct Chunks<'a, H: Hull>(Vec<&'a [Sorted<H>]>);
 
+/// Items that are asked for before they are read.
+const AHEAD: usize = 16;
+
 const CHUNK_BITS: u32 = PARALLEL_ITEMS.ilog2();
 const _: () = assert!(PARALLEL_ITEMS.is_power_of_two());
 
@@ -84,6 +91,16 @@ impl<'a, H: Hull> Chunks<'a, H> {
     #[inline(always)]
     pub fn item(&self, number: u32) -> &'a Sorted<H> {
         &self.0[(number >> CHUNK_BITS) as usize][number as usize % PARALLEL_ITEMS]
+    }
+
+    /// The item of a number in a list. Others that follow are asked for from memory.
+    #[inline(always)]
+    pub fn item_of<S: Simd>(&self, simd: S, numbers: &[u32], at: usize) -> &'a Sorted<H> {
+        if let Some(&ahead) = numbers.get(at + AHEAD) {
+            let chunk = self.0[(ahead >> CHUNK_BITS) as usize];
+            simd.expect(chunk, ahead as usize % PARALLEL_ITEMS);
+        }
+        self.item(numbers[at])
     }
 
     fn len(&self) -> usize {
@@ -102,117 +119,234 @@ pub fn coarse<H: Hull>(level: Level, parts: &[Vec<Sorted<H>>]) -> Coarse<'_, H> 
     let chunks = parts.iter().flat_map(|part| part.chunks(PARALLEL_ITEMS));
     let chunks = Chunks(chunks.collect());
     let extent = Extent::of_all(level, &chunks.0);
-    let (numbers, count) = cells_of(level, &chunks, &extent);
-    // Where the items of each cell begin, and items by cell.
-    let mut starts = vec![0u32; count + 1];
-    for &number in numbers.iter().flatten() {
-        starts[number as usize + 1] += 1;
-    }
-    for i in 0..count {
-        starts[i + 1] += starts[i];
-    }
-    let mut order = vec![0u32; chunks.len()];
-    let mut next = starts.clone();
-    for (chunk, numbers) in (0u32..).zip(&numbers) {
-        for (i, &number) in (chunk << CHUNK_BITS..).zip(numbers) {
-            let at = &mut next[number as usize];
-            order[*at as usize] = i;
-            *at += 1;
-        }
-    }
-    drop((numbers, next));
-    let filled = starts.par_windows(2).filter(|ends| ends[0] < ends[1]);
-    let mut cells: Vec<Cell<H>> = filled
-        .map(|ends| Cell {
-            extent: level.run(Gathered {
-                chunks: &chunks,
-                order: &order[ends[0] as usize..ends[1] as usize],
-            }),
-            first: ends[0],
-            count: ends[1] - ends[0],
-        })
-        .collect();
+    let raster = Raster::over(&extent, chunks.len());
+    let (order, mut cells) = by_cell(level, &chunks, &raster);
     let known = divide(level, &mut cells, &extent, 0);
-    let mut sorted = Vec::with_capacity(order.len());
-    for cell in &cells {
-        sorted.extend_from_slice(&order[cell.first as usize..][..cell.count as usize]);
-    }
+    let order = in_order(&cells, &order);
     Coarse {
         chunks,
-        order: sorted,
+        order,
         extent,
         known,
     }
 }
 
-/// The cell of each item, by chunk, and the number of cells.
-fn cells_of<H: Hull>(
-    level: Level,
-    chunks: &Chunks<'_, H>,
-    extent: &Extent<H>,
-) -> (Vec<Vec<u32>>, usize) {
-    let spans = extent.spans();
-    let mut along = [1usize; 3];
-    let most = (chunks.len() / CELL_ITEMS).min(MOST_CELLS);
-    while along.iter().product::<usize>() < most {
-        // Cells become cubes.
-        let size = |a: usize| spans[a] / along[a] as f32;
-        let longest = (1..3).fold(0, |a, b| if size(b) > size(a) { b } else { a });
-        along[longest] *= 2;
-    }
-    let places = Places::new(extent, along);
-    let number = |items: &&[Sorted<H>]| {
-        level.run(Number {
-            items,
-            places: &places,
-            along,
-        })
-    };
-    let numbers = chunks.0.par_iter().map(number).collect();
-    (numbers, along.iter().product())
-}
-
-struct Number<'a, H: Hull> {
-    items: &'a [Sorted<H>],
-    places: &'a Places,
+/// The cells of a grid.
+struct Raster {
+    places: Places,
+    /// Powers of two.
     along: [usize; 3],
 }
 
-impl<H: Hull> Kernel for Number<'_, H> {
-    type Output = Vec<u32>;
+impl Raster {
+    fn over<H: Hull>(extent: &Extent<H>, items: usize) -> Self {
+        let spans = extent.spans();
+        let mut along = [1usize; 3];
+        let most = (items / CELL_ITEMS).min(MOST_CELLS);
+        while along.iter().product::<usize>() < most {
+            // Cells become cubes.
+            let size = |a: usize| spans[a] / along[a] as f32;
+            let longest = (1..3).fold(0, |a, b| if size(b) > size(a) { b } else { a });
+            along[longest] *= 2;
+        }
+        Self {
+            places: Places::new(extent, along),
+            along,
+        }
+    }
+
+    /// The cell of an item.
     #[inline(always)]
-    fn run<S: Simd>(self, simd: S) -> Vec<u32> {
+    fn number<S: Simd, H: Hull>(&self, simd: S, item: &Sorted<H>) -> u32 {
         let [nx, ny, nz] = self.along;
-        let mut numbers = Vec::with_capacity(self.items.len());
-        for item in self.items {
-            let [x, y, z] = self.places.numbers(simd, item.place(simd));
-            // Whatever rounding does, the cell exists.
-            let [x, y, z] = [x.min(nx - 1), y.min(ny - 1), z.min(nz - 1)];
-            numbers.push(((z * ny + y) * nx + x) as u32);
-        }
-        numbers
+        let [x, y, z] = self.places.numbers(simd, item.place(simd));
+        // Whatever rounding does, the cell exists.
+        let [x, y, z] = [x.min(nx - 1), y.min(ny - 1), z.min(nz - 1)];
+        ((z * ny + y) * nx + x) as u32
+    }
+
+    fn region_count(&self) -> usize {
+        self.along.iter().product::<usize>().div_ceil(REGION_CELLS)
     }
 }
 
-/// What some of the items extend over.
-struct Gathered<'a, H: Hull> {
-    chunks: &'a Chunks<'a, H>,
-    order: &'a [u32],
+/// The numbers of all items by cell, in each in their own order, and cells that hold any.
+fn by_cell<H: Hull>(
+    level: Level,
+    chunks: &Chunks<'_, H>,
+    raster: &Raster,
+) -> (Vec<u32>, Vec<Cell<H>>) {
+    let groups = chunks.0.par_chunks(GROUP_CHUNKS).enumerate();
+    let groups = groups.map(|(number, group)| {
+        level.run(ByRegion {
+            first: number * GROUP_CHUNKS,
+            group,
+            raster,
+        })
+    });
+    let groups: Vec<Group> = groups.collect();
+    let mut order = vec![0u32; chunks.len()];
+    let (mut rest, mut first) = (&mut order[..], 0);
+    let mut regions = Vec::with_capacity(raster.region_count());
+    for number in 0..raster.region_count() {
+        let count = groups.iter().map(|group| group.region(number).len()).sum();
+        let (own, after) = std::mem::take(&mut rest).split_at_mut(count);
+        regions.push((number, first, own));
+        (rest, first) = (after, first + count as u32);
+    }
+    let regions = regions.into_par_iter().map(|(number, first, order)| {
+        level.run(InRegion {
+            chunks,
+            groups: &groups,
+            number,
+            first,
+            order,
+        })
+    });
+    let cells: Vec<Vec<Cell<H>>> = regions.collect();
+    let parts = cells.iter().map(Vec::as_slice).collect();
+    let cells = hdtrapeze_pages::joined(parts, |_, cell| *cell);
+    (order, cells)
 }
 
-impl<H: Hull> Kernel for Gathered<'_, H> {
-    type Output = Extent<H>;
+/// Some chunks' items, by region.
+struct Group {
+    items: Vec<Placed>,
+    /// Where each region begins, and all end.
+    starts: Vec<u32>,
+}
+
+impl Group {
+    fn region(&self, number: usize) -> &[Placed] {
+        &self.items[self.starts[number] as usize..self.starts[number + 1] as usize]
+    }
+}
+
+/// An item's number, and its cell's.
+#[derive(Clone, Copy, Default)]
+struct Placed {
+    item: u32,
+    cell: u32,
+}
+
+/// From how many there are of each: where each begins, and all end.
+fn starts(counts: impl Iterator<Item = u32>) -> Vec<u32> {
+    let mut sum = 0;
+    let mut starts: Vec<u32> = counts
+        .map(|count| {
+            sum += count;
+            sum - count
+        })
+        .collect();
+    starts.push(sum);
+    starts
+}
+
+struct ByRegion<'a, H: Hull> {
+    /// The first chunk's number.
+    first: usize,
+    group: &'a [&'a [Sorted<H>]],
+    raster: &'a Raster,
+}
+
+impl<H: Hull> Kernel for ByRegion<'_, H> {
+    type Output = Group;
     #[inline(always)]
-    fn run<S: Simd>(self, simd: S) -> Extent<H> {
-        let mut bounds = H::EMPTY.load(simd);
-        let mut centres = simd.all8(f32::INFINITY);
-        for &i in self.order {
-            let item = self.chunks.item(i);
-            bounds = H::union::<S>(item.bounds.load(simd), bounds);
-            centres = item.centres(simd).min(centres);
+    fn run<S: Simd>(self, simd: S) -> Group {
+        let count = self.group.iter().map(|chunk| chunk.len()).sum();
+        let mut given = Vec::with_capacity(count);
+        let mut counts = vec![0u32; self.raster.region_count()];
+        for (chunk, items) in (self.first as u32..).zip(self.group) {
+            for (item, own) in (chunk << CHUNK_BITS..).zip(*items) {
+                let cell = self.raster.number(simd, own);
+                counts[cell as usize / REGION_CELLS] += 1;
+                given.push(Placed { item, cell });
+            }
         }
-        Extent::around::<S>(bounds, centres)
+        let starts = starts(counts.into_iter());
+        let mut next = starts.clone();
+        let mut items = vec![Placed::default(); count];
+        for placed in given {
+            let at = &mut next[placed.cell as usize / REGION_CELLS];
+            items[*at as usize] = placed;
+            *at += 1;
+        }
+        Group { items, starts }
     }
+}
+
+struct InRegion<'a, H: Hull> {
+    chunks: &'a Chunks<'a, H>,
+    groups: &'a [Group],
+    number: usize,
+    /// Items of regions before it.
+    first: u32,
+    /// For the numbers of its items.
+    order: &'a mut [u32],
+}
+
+impl<H: Hull> Kernel for InRegion<'_, H> {
+    type Output = Vec<Cell<H>>;
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> Vec<Cell<H>> {
+        let Self { chunks, order, .. } = self;
+        let items = || {
+            self.groups
+                .iter()
+                .flat_map(|group| group.region(self.number))
+        };
+        let mut counts = vec![0u32; REGION_CELLS];
+        for placed in items() {
+            counts[placed.cell as usize % REGION_CELLS] += 1;
+        }
+        let filled = counts.iter().filter(|&&count| count > 0).count();
+        let starts = starts(counts.into_iter());
+        let mut next = starts.clone();
+        for placed in items() {
+            let at = &mut next[placed.cell as usize % REGION_CELLS];
+            order[*at as usize] = placed.item;
+            *at += 1;
+        }
+        let mut cells = Vec::with_capacity(filled);
+        for ends in starts.windows(2).filter(|ends| ends[0] < ends[1]) {
+            let mut bounds = H::EMPTY.load(simd);
+            let mut centres = simd.all8(f32::INFINITY);
+            for at in ends[0] as usize..ends[1] as usize {
+                let item = chunks.item_of(simd, order, at);
+                bounds = H::union::<S>(item.bounds.load(simd), bounds);
+                centres = item.centres(simd).min(centres);
+            }
+            cells.push(Cell {
+                extent: Extent::around::<S>(bounds, centres),
+                first: self.first + ends[0],
+                count: ends[1] - ends[0],
+            });
+        }
+        cells
+    }
+}
+
+/// The numbers of items in the order of their cells.
+fn in_order<H: Hull>(cells: &[Cell<H>], by_cell: &[u32]) -> Vec<u32> {
+    let mut order = vec![0u32; by_cell.len()];
+    let mut rest = &mut order[..];
+    let counts = cells.par_chunks(REGION_CELLS);
+    let counts = counts.map(|cells| cells.iter().map(|cell| cell.count as usize).sum());
+    let counts: Vec<usize> = counts.collect();
+    let mut parts = Vec::with_capacity(counts.len());
+    for (count, cells) in counts.into_iter().zip(cells.chunks(REGION_CELLS)) {
+        let (own, after) = std::mem::take(&mut rest).split_at_mut(count);
+        parts.push((own, cells));
+        rest = after;
+    }
+    parts.into_par_iter().for_each(|(mut order, cells)| {
+        for cell in cells {
+            let (own, after) = std::mem::take(&mut order).split_at_mut(cell.count as usize);
+            own.copy_from_slice(&by_cell[cell.first as usize..][..own.len()]);
+            order = after;
+        }
+    });
+    order
 }
 
 fn divide<H: Hull>(
@@ -295,7 +429,9 @@ mod tests {
     }
 
     fn keeps<H: Hull>(slab: Vec3) {
-        let count = 3 * COARSE_ITEMS as u32 + 5;
+        // Several groups of chunks and several regions of cells.
+        let count = 4 * (GROUP_CHUNKS * PARALLEL_ITEMS) as u32 + 5;
+        assert!(count as usize > 2 * REGION_CELLS * CELL_ITEMS);
         for level in Level::available() {
             let parts = parts::<H>(count, slab);
             let coarse = coarse(level, &parts);

@@ -38,6 +38,7 @@
 use std::fmt::Debug;
 use std::marker::PhantomData;
 
+use glam::Vec3;
 use hdtrapeze_simd::{Float, Kernel, Level, Mask, Simd};
 
 use super::node::{Bounds8, Lattice8};
@@ -86,6 +87,20 @@ impl Diagonal {
         };
         let up = (radius.to_bits() + DOWN) & !DOWN;
         down.map(|down| f32::from_bits(up | down & DOWN))
+    }
+
+    /// Where the diagonal that a number is of goes in a box of these extents; zero where there is none.
+    #[inline(always)]
+    pub fn way(number: f32, extents: Vec3) -> Vec3 {
+        if number >= Self::NONE.radius {
+            return Vec3::ZERO;
+        }
+        let signed = |x: f32, axis: u32| {
+            let down = number.to_bits() >> axis & 1;
+            f32::from_bits(x.to_bits() ^ down << 31)
+        };
+        let [x, y, z] = extents.to_array();
+        Vec3::new(signed(x, 0), signed(y, 1), signed(z, 2))
     }
 }
 

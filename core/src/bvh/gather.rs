@@ -23,7 +23,7 @@ use super::thin::are_thin;
 use super::turn::Turning;
 use super::{Bounds8, LinearBox};
 use crate::grid::planar::{GridRows, Run};
-use crate::grid::{DicedMesh, PlanarMesh};
+use crate::grid::{DicedMesh, Grid, PlanarMesh};
 
 /// A strip is cut loose where the boxes of its groups have less than this part of its own area together.
 const LOOSE_SHARE: f32 = 0.5;
@@ -51,7 +51,7 @@ pub fn gather<B: Bounds8>(mesh: DicedMesh, upright: bool) -> (PlanarMesh, Vec<Pa
     let level = Level::best();
     let singles = are_thin(&mesh);
     PlanarMesh::turned(mesh, |run: Run<'_>| {
-        let mut part = Part::new(run.vertex_count());
+        let mut part = Part::with_room(run.grids(), singles);
         let mut spans = Vec::new();
         run.turn(level, |g, rows| {
             let how = (singles, upright);
@@ -63,13 +63,20 @@ pub fn gather<B: Bounds8>(mesh: DicedMesh, upright: bool) -> (PlanarMesh, Vec<Pa
 }
 
 impl<B: Bounds8> Part<B> {
-    fn new(vertices: usize) -> Self {
-        // Vertices of a block of grids of 16 x 16.
-        let blocks = vertices / 72 + 1;
+    /// With room for what becomes of these grids, most often.
+    fn with_room<'a>(grids: impl Iterator<Item = &'a Grid>, singles: bool) -> Self {
+        let (mut blocks, mut items) = (0, 0);
+        for grid in grids {
+            if block::is_small(grid) || block::is_strip(grid) {
+                items += block::loose_slots(grid, singles).len();
+            } else {
+                blocks += grid.cell_count().div_ceil(64);
+            }
+        }
         Part {
             blocks: Vec::with_capacity(blocks),
             frames: Vec::with_capacity(blocks),
-            items: Vec::with_capacity(blocks),
+            items: Vec::with_capacity(items + blocks),
             strips: 0,
             dropped: 0,
             bounds: LinearBox::EMPTY,
@@ -98,13 +105,12 @@ impl<B: Bounds8> Part<B> {
                 self.items.truncate(before);
                 return None;
             };
-            let edges = edges.unwrap_or([[Vec3::ZERO; 2]; GROUPS]);
             for (i, slot) in some.enumerate() {
                 let bounds = boxes[i];
                 whole = whole.union(&bounds);
                 area += bounds.mean_half_area();
                 let id = loose_item(g, slot);
-                let item = Sorted::along(&Item { bounds, id }, edges[i], diagonals[i]);
+                let item = Sorted::along(&Item { bounds, id }, diagonals[i]);
                 self.items.push(item);
             }
         }
@@ -180,10 +186,12 @@ impl<B: Bounds8> Part<B> {
 /// From end to end of some of a strip's groups, at both ends of the shutter.
 fn edges(rows: &GridRows<'_>, slots: Range<u32>) -> [[Vec3; 2]; GROUPS] {
     let mut edges = [[Vec3::ZERO; 2]; GROUPS];
-    let ends = [0, rows.key_times.len() - 1];
+    let last = rows.key_times.len() - 1;
     for (slot, edges) in slots.zip(&mut edges) {
         let rect = block::loose(&rows.grid, slot);
-        *edges = ends.map(|k| Piece::of(rows, rect, k).edge);
+        let edge = |k| Piece::of(rows, rect, k).edge;
+        let start = edge(0);
+        *edges = [start, if last > 0 { edge(last) } else { start }];
     }
     edges
 }

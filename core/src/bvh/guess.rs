@@ -27,19 +27,31 @@ pub struct Guess {
     pub after: f32,
 }
 
-/// Finds it; none where an item has no direction, or directions differ too much.
-pub struct Guessed<'a, H: Hull>(pub &'a [Sorted<H>]);
+/// Finds it, from items and the way from end to end of each in mid-shutter, and half of what that changes by from start to end; none where
+/// these differ too much, or one is zero.
+pub struct Guessed<'a, H: Hull> {
+    /// The items.
+    pub items: &'a [Sorted<H>],
+    /// Their directions.
+    pub directions: &'a [[Vec3; 2]],
+    /// The least mean cosine, in units of [`LEAST_COSINE`].
+    pub coherence: f32,
+}
 
 impl<H: Hull> Kernel for Guessed<'_, H> {
     type Output = Option<Guess>;
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) -> Option<Guess> {
-        let items = self.0;
-        let directions = directions(items);
+        let Self {
+            items,
+            directions,
+            coherence,
+        } = self;
+        let directions = by_eight::<H>(directions);
         let way = way(simd, &directions.mean, items.len())?;
         let Means { mean, half, length } = means::<S, H>(simd, &directions, way);
         // Written so that NaN fails.
-        let coherent = mean.length() > LEAST_COSINE * length;
+        let coherent = mean.length() > coherence * LEAST_COSINE * length;
         if !coherent {
             return None;
         }
@@ -258,14 +270,13 @@ struct Directions {
 }
 
 #[inline(always)]
-fn directions<H: Hull>(items: &[Sorted<H>]) -> Directions {
-    let count = items.len().div_ceil(8);
+fn by_eight<H: Hull>(directions: &[[Vec3; 2]]) -> Directions {
+    let count = directions.len().div_ceil(8);
     let mut mean = Vec::with_capacity(count);
     let mut half = Vec::with_capacity(if H::MOVES { count } else { 0 });
-    for part in items.chunks(8) {
+    for part in directions.chunks(8) {
         let mut eights = [Eight::default(); 2];
-        for (lane, item) in part.iter().enumerate() {
-            let own = item.direction();
+        for (lane, own) in part.iter().enumerate() {
             for axis in 0..3 {
                 eights[0][axis][lane % 8] = own[0][axis];
                 eights[1][axis][lane % 8] = own[1][axis];

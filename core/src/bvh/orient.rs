@@ -7,13 +7,16 @@
 //! node. Ranges are tried from [`MOST_ITEMS`] downward, each a quarter of the last or smaller, and last the
 //! items of a single node, so that combed fur is turned in large parts, and tousled fur where a few
 //! strands happen to agree. Where several ranges of a size were tried in vain, only some of the next are ([`Tries`]): of fur whose
-//! strands cross, what was tried took a sixth to a fifth of the time of a build. Where strands swing, the frame turns with their mean direction, about what is at right angles to
+//! strands cross, what was tried took a sixth to a fifth of the time of a build. Which way strands go is looked up at their vertices only
+//! where the boxes of some of a range's items tell that a frame may pay. Where strands swing, the frame turns with their mean direction, about what is at right angles to
 //! it at both ends of the shutter ([`super::turn`]): its third axis goes along, and the first two stay.
+
+use std::borrow::Cow;
 
 use glam::Vec3;
 use hdtrapeze_simd::{Kernel, Level, Scalar, Simd};
 
-use super::block::{CellRect, GROUPS, loose};
+use super::block::{CellRect, GROUPS, is_small, loose};
 use super::bound::bound_groups;
 use super::guess::{Guess, Guessed};
 use super::object::loose_group;
@@ -33,6 +36,12 @@ const SHARE: f32 = 0.4;
 /// the node. Combed fur is as fast with 0.3 as with 1.5; fur whose strands cross is a thirtieth slower with 0.3 than without any
 /// frames, and with 1 has few of them.
 const TURN_COST: f32 = 1.0;
+
+/// What ranges are given before the directions of all their items are looked up, which are all over memory: those of some, by the diagonals of
+/// their boxes, may be farther apart.
+const ABOUT: f32 = 1.1;
+/// Items that stand for a range, at most.
+const SOME: usize = 64;
 
 /// A range in a frame of its own.
 pub struct Turned<B: Bounds8> {
@@ -95,39 +104,79 @@ pub struct Strands<'a> {
 impl Strands<'_> {
     /// A frame for a range that has none yet, and its items there, if that pays.
     fn turn<B: Bounds8>(&self, items: &[Sorted<B::Hull>]) -> Option<Turned<B>> {
+        // Most ranges that fail do so by what the boxes of some tell.
+        let some = some_of(items);
+        self.guess::<B>(&some, &about(&some), ABOUT)?;
+        let directions = self.directions(items)?;
+        let (ends, least) = self.guess::<B>(items, &directions, 1.0)?;
+        let frame = self.frame(items, &directions, &ends)?;
+        let items = self.turned(items, &directions, &frame)?;
+        (self.level.run(Area(&items)) < least).then_some(Turned { frame, items })
+    }
+
+    /// Both ends of a frame that may suit a range, and what areas in it must be below, if they are likely to be; `room` times that, for
+    /// directions that are not the items' own.
+    fn guess<B: Bounds8>(
+        &self,
+        items: &[Sorted<B::Hull>],
+        directions: &[[Vec3; 2]],
+        room: f32,
+    ) -> Option<([Frame; 2], f32)> {
         let Guess {
             ends,
             before,
             after,
-        } = self.level.run(Guessed(items))?;
+        } = self.level.run(Guessed {
+            items,
+            directions,
+            coherence: 1.0 / room,
+        })?;
         let least = if items.len() > GROUPS {
             SHARE * before
         } else {
             let whole = Extent::of(self.level, items).bounds;
             before - TURN_COST * B::Hull::area(Scalar, whole.load(Scalar))
         };
-        // Most ranges that fail do so here.
-        if after >= least {
-            return None;
-        }
-        let frame = self.frame(items, &ends)?;
-        let items = self.turned(items, &frame)?;
-        (self.level.run(Area(&items)) < least).then_some(Turned { frame, items })
+        (after < room * least).then_some((ends, least))
+    }
+
+    /// From end to end of each item in mid-shutter, and half of what that changes by from start to end; none where one is no part of a
+    /// strip.
+    fn directions<H: Hull>(&self, items: &[Sorted<H>]) -> Option<Vec<[Vec3; 2]>> {
+        let last = self.mesh.key_times.len() - 1;
+        let direction = |item: &Sorted<H>| {
+            let (grid, slot) = loose_group(item.id())?;
+            let rows = self.mesh.traced_rows(grid);
+            if is_small(&rows.grid) {
+                return None;
+            }
+            let rect = loose(&rows.grid, slot);
+            let edge = |k| Piece::of(&rows, rect, k).edge;
+            let start = edge(0);
+            let end = if last > 0 { edge(last) } else { start };
+            Some([(start + end) * 0.5, (end - start) * 0.5])
+        };
+        items.iter().map(direction).collect()
     }
 
     /// The frame that is so at both ends of the shutter, and follows strands between them; none where an item is a block.
-    fn frame<H: Hull, T: Turning>(&self, items: &[Sorted<H>], ends: &[Frame; 2]) -> Option<T> {
+    fn frame<H: Hull, T: Turning>(
+        &self,
+        items: &[Sorted<H>],
+        directions: &[[Vec3; 2]],
+        ends: &[Frame; 2],
+    ) -> Option<T> {
         let times = &self.mesh.key_times;
         if !T::TURNS || (times.len() <= 2 && ends[0] == ends[1]) {
             return Some(T::fixed(ends[0]));
         }
         let along = ends[0].axes[0] + ends[1].axes[0];
         let mut sums = vec![Piece::default(); times.len()];
-        for item in items {
+        for (item, [mean, _]) in items.iter().zip(directions) {
             let (grid, slot) = loose_group(item.id())?;
-            let rows = self.mesh.grid_rows(grid as usize);
+            let rows = self.mesh.traced_rows(grid);
             let rect = loose(&rows.grid, slot);
-            let back = item.direction()[0].dot(along) < 0.0;
+            let back = mean.dot(along) < 0.0;
             for (k, sum) in sums.iter_mut().enumerate() {
                 let own = Piece::of(&rows, rect, k);
                 sum.edge += if back { -own.edge } else { own.edge };
@@ -160,25 +209,44 @@ impl Strands<'_> {
     fn turned<H: Hull, T: Turning>(
         &self,
         items: &[Sorted<H>],
+        directions: &[[Vec3; 2]],
         frame: &T,
     ) -> Option<Vec<Sorted<H>>> {
         let mut turned = items.to_vec();
-        for part in turned.chunks_mut(GROUPS) {
+        let parts = turned.chunks_mut(GROUPS).zip(directions.chunks(GROUPS));
+        for (part, directions) in parts {
             let mut groups = [(0, CellRect::default(), [Vec3::ZERO; 2]); GROUPS];
-            for (to, item) in groups.iter_mut().zip(part.iter()) {
+            let own = part.iter().zip(directions);
+            for (to, (item, &[mean, half])) in groups.iter_mut().zip(own) {
                 let (grid, slot) = loose_group(item.id())?;
-                let rect = loose(&self.mesh.grids[grid as usize], slot);
-                let [mean, half] = item.direction();
+                let rect = loose(&self.mesh.traced(grid), slot);
                 *to = (grid, rect, [mean - half, mean + half]);
             }
             let (boxes, diagonals) =
                 bound_groups(self.level, self.mesh, &groups[..part.len()], frame);
             for ((item, bounds), diagonal) in part.iter_mut().zip(&boxes).zip(diagonals) {
-                item.bounds = H::of(bounds).along(diagonal);
+                *item = item.within(bounds, diagonal);
             }
         }
         Some(turned)
     }
+}
+
+/// Items of a range, evenly.
+fn some_of<H: Hull>(items: &[Sorted<H>]) -> Cow<'_, [Sorted<H>]> {
+    match items.len().div_ceil(SOME) {
+        0 | 1 => Cow::Borrowed(items),
+        step => Cow::Owned(items.iter().step_by(step).copied().collect()),
+    }
+}
+
+/// As [`Strands::directions`], by the diagonals of boxes.
+fn about<H: Hull>(items: &[Sorted<H>]) -> Vec<[Vec3; 2]> {
+    let about = |item: &Sorted<H>| {
+        let [start, end] = item.bounds.ways();
+        [(start + end) * 0.5, (end - start) * 0.5]
+    };
+    items.iter().map(about).collect()
 }
 
 /// The sum of the areas of boxes.

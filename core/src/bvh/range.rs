@@ -1,6 +1,6 @@
 //! Ranges of items while a tree is built: each becomes a child of a node.
 
-use hdtrapeze_simd::{Level, Scalar};
+use hdtrapeze_simd::{Kernel, Level, Scalar, Simd};
 use rayon::prelude::*;
 
 use super::build::{Nodes, PARALLEL_ITEMS};
@@ -41,14 +41,14 @@ impl<'a, H: Hull> Items<'a, H> {
     /// All of them side by side, so that they may change places.
     pub fn side_by_side(&mut self) -> &mut [Sorted<H>] {
         if let Self::Numbered(numbers, chunks) = self {
-            let item = |&i: &u32| *chunks.item(i);
             *self = Self::Own(if numbers.len() > PARALLEL_ITEMS {
+                let item = |&i: &u32| *chunks.item(i);
                 let mut items = Vec::new();
                 hdtrapeze_pages::reserve(&mut items, numbers.len());
                 numbers.par_iter().map(item).collect_into_vec(&mut items);
                 items
             } else {
-                numbers.iter().map(item).collect()
+                Level::best().run(Copied { numbers, chunks })
             });
         }
         match self {
@@ -74,6 +74,22 @@ impl<'a, H: Hull> Items<'a, H> {
                 [Self::Numbered(left, chunks), Self::Numbered(right, chunks)]
             }
         }
+    }
+}
+
+/// Items by their numbers.
+struct Copied<'a, H: Hull> {
+    numbers: &'a [u32],
+    chunks: &'a Chunks<'a, H>,
+}
+
+impl<H: Hull> Kernel for Copied<'_, H> {
+    type Output = Vec<Sorted<H>>;
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> Vec<Sorted<H>> {
+        let Self { numbers, chunks } = self;
+        let item = |at| *chunks.item_of(simd, numbers, at);
+        (0..numbers.len()).map(item).collect()
     }
 }
 

@@ -1,7 +1,8 @@
 //! Boxes as the build sorts them: lower bounds and mirrored upper ones in one vector, so that a single minimum joins
-//! two boxes; and the second bounds only where things move.
+//! two boxes; and the second bounds only where things move. An item is its box alone, since sorting copies it again and again, and reads
+//! many from all over memory: what else is known of it is in lanes that bounds leave, or found by its number.
 
-use glam::{Vec3, Vec4};
+use glam::Vec3;
 use hdtrapeze_simd::{Float, Simd};
 
 use super::LinearBox;
@@ -22,6 +23,14 @@ pub trait Hull: Clone + Copy + Send + Sync {
     fn along(self, diagonal: Diagonal) -> Self;
     /// The diagonal that what is in the box of one item is near to, [in numbers](Diagonal::to_numbers).
     fn diagonal(&self) -> [f32; 2];
+    /// About the way from end to end of the part of a strand in the box of one item, at both ends of the shutter: that of its diagonal, along
+    /// each axis as far as the box goes. Zero where it has none.
+    fn ways(&self) -> [Vec3; 2];
+    /// The same box, of an item of this number, which is below 2^31.
+    #[must_use]
+    fn of_item(self, id: u32) -> Self;
+    /// The number of the item that it is of.
+    fn id(&self) -> u32;
     /// Into registers.
     fn load<S: Simd>(&self, simd: S) -> Self::In<S>;
     /// Out of them.
@@ -30,9 +39,9 @@ pub trait Hull: Clone + Copy + Send + Sync {
     fn union<S: Simd>(a: Self::In<S>, b: Self::In<S>) -> Self::In<S>;
     /// The same box, or with infinities in `by`, where there are zeros elsewhere, that of nothing.
     fn unless<S: Simd>(bounds: Self::In<S>, by: S::F8) -> Self::In<S>;
-    /// As [`LinearBox::centre4`], in lanes 0 to 2, and mirrored in lanes 4 to 6; 0 in the others.
+    /// As [`LinearBox::centre4`], in lanes 0 to 2, and mirrored in lanes 4 to 6; numbers without meaning in the others.
     fn centre4<S: Simd>(simd: S, bounds: Self::In<S>) -> S::F8;
-    /// How far the centre goes over the shutter, in the lanes and the units of [`Hull::centre4`]; 0 where nothing moves.
+    /// How far the centre goes over the shutter, in the lanes and the units of [`Hull::centre4`]; nothing of use where nothing moves.
     fn drift4<S: Simd>(simd: S, bounds: Self::In<S>) -> S::F8;
     /// Extents in lanes 0 to 2, the mean over the shutter.
     fn extents<S: Simd>(simd: S, bounds: Self::In<S>) -> S::F8;
@@ -40,21 +49,34 @@ pub trait Hull: Clone + Copy + Send + Sync {
     fn area<S: Simd>(simd: S, bounds: Self::In<S>) -> f32;
     /// True where it moves.
     const MOVES: bool;
-    /// What is kept of how an item's direction changes over the shutter.
-    type Swing: Clone + Copy + Send + Sync + std::fmt::Debug;
-    /// Half the difference of a direction at the end of the shutter and at its start.
-    fn swing(half: Vec3) -> Self::Swing;
-    /// The same again; zero where nothing is kept.
-    fn half(swing: &Self::Swing) -> Vec3;
     /// 8 boxes, a lane each.
     fn boxes<S: Simd>(simd: S, hulls: [&Self; 8]) -> Boxes8<S::F8>;
 }
 
-/// A box that does not move: lower bounds in lanes 0 to 2, and mirrored upper ones in lanes 4 to 6. The number of its diagonal,
-/// mirrored, is in both others: their difference is 0, and their sum is of no use, but finite.
+/// A box that does not move: lower bounds in lanes 0 to 2, and mirrored upper ones in lanes 4 to 6. Of an item's, lane 3 has the number of
+/// its diagonal, mirrored, and lane 7 its own, [coded](code): sums and differences of these are of no use, but neither infinite nor below f32's
+/// normal numbers, which are slow.
 #[derive(Clone, Copy, Debug)]
-#[repr(C, align(16))]
+#[repr(C, align(32))]
 pub struct StaticHull([f32; 8]);
+
+/// What is added to the lower 30 bits of an item's number, as a float's, so that all are between 2^-63 and 2^65.
+const CODE: u32 = 0x2000_0000;
+/// The bits that it is added to. The next is the sign.
+const CODED: u32 = (1 << 30) - 1;
+
+/// A number below 2^31 as a float that is safe to calculate with.
+#[inline(always)]
+fn code(id: u32) -> f32 {
+    f32::from_bits(((id & CODED) + CODE) | (id & !CODED) << 1)
+}
+
+/// The number that was made a float.
+#[inline(always)]
+fn decode(coded: f32) -> u32 {
+    let bits = coded.to_bits();
+    ((bits & (u32::MAX >> 1)) - CODE) | (bits >> 31) << 30
+}
 
 /// A box with bounds at both ends of the shutter.
 #[derive(Clone, Copy, Debug)]
@@ -69,12 +91,24 @@ impl StaticHull {
 
     fn between(lo: Vec3, hi: Vec3) -> Self {
         let none = -Diagonal::NONE.radius;
-        Self([lo.x, lo.y, lo.z, none, -hi.x, -hi.y, -hi.z, none])
+        Self([lo.x, lo.y, lo.z, none, -hi.x, -hi.y, -hi.z, code(0)])
     }
 
     fn numbered(mut self, number: f32) -> Self {
-        (self.0[3], self.0[7]) = (-number, -number);
+        self.0[3] = -number;
         self
+    }
+
+    fn of_item(mut self, id: u32) -> Self {
+        self.0[7] = code(id);
+        self
+    }
+
+    /// From corner to corner.
+    #[inline(always)]
+    fn way(&self) -> Vec3 {
+        let [x, y, z, _, u, v, w, _] = self.0;
+        Diagonal::way(self.number(), -Vec3::new(x + u, y + v, z + w))
     }
 
     #[inline(always)]
@@ -119,12 +153,6 @@ impl Hull for StaticHull {
     const EMPTY: Self = Self::EMPTY;
     type In<S: Simd> = S::F8;
     const MOVES: bool = false;
-    type Swing = ();
-    fn swing(_: Vec3) {}
-    #[inline(always)]
-    fn half(_: &()) -> Vec3 {
-        Vec3::ZERO
-    }
     fn of(b: &LinearBox) -> Self {
         Self::between(b.lo0.min(b.lo1), b.hi0.max(b.hi1))
     }
@@ -135,6 +163,17 @@ impl Hull for StaticHull {
     #[inline(always)]
     fn diagonal(&self) -> [f32; 2] {
         [self.number(); 2]
+    }
+    #[inline(always)]
+    fn ways(&self) -> [Vec3; 2] {
+        [self.way(); 2]
+    }
+    fn of_item(self, id: u32) -> Self {
+        self.of_item(id)
+    }
+    #[inline(always)]
+    fn id(&self) -> u32 {
+        decode(self.0[7])
     }
     #[inline(always)]
     fn load<S: Simd>(&self, simd: S) -> S::F8 {
@@ -186,14 +225,6 @@ impl Hull for LinearHull {
     };
     type In<S: Simd> = [S::F8; 2];
     const MOVES: bool = true;
-    type Swing = Vec4;
-    fn swing(half: Vec3) -> Vec4 {
-        half.extend(0.0)
-    }
-    #[inline(always)]
-    fn half(swing: &Vec4) -> Vec3 {
-        swing.truncate()
-    }
     fn of(b: &LinearBox) -> Self {
         Self {
             start: StaticHull::between(b.lo0, b.hi0),
@@ -210,6 +241,20 @@ impl Hull for LinearHull {
     #[inline(always)]
     fn diagonal(&self) -> [f32; 2] {
         [self.start.number(), self.end.number()]
+    }
+    #[inline(always)]
+    fn ways(&self) -> [Vec3; 2] {
+        [self.start.way(), self.end.way()]
+    }
+    fn of_item(self, id: u32) -> Self {
+        Self {
+            start: self.start.of_item(id),
+            ..self
+        }
+    }
+    #[inline(always)]
+    fn id(&self) -> u32 {
+        self.start.id()
     }
     #[inline(always)]
     fn load<S: Simd>(&self, simd: S) -> [S::F8; 2] {
@@ -274,49 +319,85 @@ impl Hull for LinearHull {
 
 /// An item being sorted.
 #[derive(Clone, Copy, Debug)]
-#[repr(C)]
+#[repr(transparent)]
 pub struct Sorted<H: Hull> {
     /// Its box.
     pub bounds: H,
-    /// Its direction, and the bits of its number: moved in one piece.
-    rest: Vec4,
-    swing: H::Swing,
 }
 
 impl<H: Hull> Sorted<H> {
     /// Of an item.
     pub fn of(item: &Item) -> Self {
-        Self::along(item, [Vec3::ZERO; 2], Diagonal::NONE)
+        Self::along(item, Diagonal::NONE)
     }
 
-    /// Of a part of a strand, from end to end of it at both ends of the shutter, near to a diagonal of its box. Zero and none for
-    /// all else.
-    pub fn along(item: &Item, [start, end]: [Vec3; 2], diagonal: Diagonal) -> Self {
+    /// Of a part of a strand near to a diagonal of its box.
+    pub fn along(item: &Item, diagonal: Diagonal) -> Self {
+        let bounds = H::of(&item.bounds).along(diagonal);
         Self {
-            bounds: H::of(&item.bounds).along(diagonal),
-            rest: ((start + end) * 0.5).extend(f32::from_bits(item.id)),
-            swing: H::swing((end - start) * 0.5),
+            bounds: bounds.of_item(item.id),
+        }
+    }
+
+    /// The same item in another box, near to a diagonal of it.
+    #[must_use]
+    pub fn within(self, bounds: &LinearBox, diagonal: Diagonal) -> Self {
+        let bounds = H::of(bounds).along(diagonal);
+        Self {
+            bounds: bounds.of_item(self.id()),
         }
     }
 
     /// Its number.
     #[inline(always)]
     pub fn id(&self) -> u32 {
-        self.rest.w.to_bits()
+        self.bounds.id()
     }
 
     /// The same item with another number.
+    #[must_use]
     pub fn numbered(self, id: u32) -> Self {
         Self {
-            rest: self.rest.truncate().extend(f32::from_bits(id)),
-            ..self
+            bounds: self.bounds.of_item(id),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_floats_that_are_safe_to_calculate_with() {
+        for id in (0..31).flat_map(|bit| [(1u32 << bit) - 1, 1 << bit, (1 << bit) + 1, !0 >> 1]) {
+            let coded = code(id);
+            assert_eq!(decode(coded), id);
+            let (least, most) = (2.0f32.powi(-63), 2.0f32.powi(65));
+            assert!((least..most).contains(&coded.abs()), "{id}: {coded}");
         }
     }
 
-    /// From end to end of a part of a strand in mid-shutter, and half of what that changes by from start to end; zero for all
-    /// else.
-    #[inline(always)]
-    pub fn direction(&self) -> [Vec3; 2] {
-        [self.rest.truncate(), H::half(&self.swing)]
+    #[test]
+    fn an_item_keeps_its_number_and_its_diagonal() {
+        let bounds = LinearBox {
+            lo0: Vec3::ZERO,
+            hi0: Vec3::ONE,
+            lo1: Vec3::ONE,
+            hi1: Vec3::ONE * 3.0,
+        };
+        let diagonal = Diagonal {
+            radius: 0.25,
+            down: [2, 5],
+        };
+        fn check<H: Hull>(bounds: LinearBox, diagonal: Diagonal, moves: bool) {
+            let item = Sorted::<H>::along(&Item { bounds, id: 77 }, diagonal);
+            let [start, end] = diagonal.to_numbers();
+            let expected = [start, if moves { end } else { start }];
+            for (item, id) in [(item, 77), (item.numbered(!0 >> 1), !0 >> 1)] {
+                assert_eq!((item.id(), item.bounds.diagonal()), (id, expected));
+            }
+        }
+        check::<StaticHull>(bounds, diagonal, false);
+        check::<LinearHull>(bounds, diagonal, true);
     }
 }

@@ -155,9 +155,10 @@ pub struct Run<'a> {
 }
 
 impl Run<'_> {
-    /// Vertices of the run, about.
-    pub fn vertex_count(&self) -> usize {
-        self.floats.len() / (3 * self.key_times.len().max(1))
+    /// Those of its grids that can be traced.
+    pub fn grids(&self) -> impl Iterator<Item = &Grid> {
+        let numbers = self.numbers.clone().filter(|&g| self.sound[g]);
+        numbers.map(|g| &self.grids[g])
     }
 
     /// Turns all grids into rows, in their order, and shows them to `visit` by number; none for a grid that
@@ -318,7 +319,17 @@ impl PlanarMesh {
     /// The rows of grid `g`.
     #[inline(always)]
     pub fn grid_rows(&self, g: usize) -> GridRows<'_> {
-        let grid = self.grids[g];
+        self.rows_of(self.grids[g])
+    }
+
+    /// The same for [what is known](Self::traced) of grid `g`.
+    #[inline(always)]
+    pub(crate) fn traced_rows(&self, g: u32) -> GridRows<'_> {
+        self.rows_of(self.traced(g))
+    }
+
+    #[inline(always)]
+    fn rows_of(&self, grid: Grid) -> GridRows<'_> {
         GridRows {
             grid,
             key_times: &self.key_times,
