@@ -98,7 +98,7 @@ pub fn build_items<B: Bounds8>(items: Vec<Item>, kind: Nodes, cancel: &AtomicBoo
     build_sorted(vec![sorted], kind, None, cancel)
 }
 
-/// Builds the tree over items, given in parts, as [`build_items`]. With `strands`, which bounds items that have a direction,
+/// Builds the tree over items, given in parts, as [`build_items`]. With `strands`, which knows which way items go and bounds them,
 /// ranges are turned where that pays.
 pub fn build_sorted<B: Bounds8>(
     parts: Vec<Vec<Sorted<B::Hull>>>,

@@ -6,6 +6,8 @@
 //! between items; after Pantaleoni and Luebke, "HLBVH: Hierarchical LBVH Construction for Real-Time Ray Tracing of Dynamic
 //! Geometry", HPG 2010, and Garanzha, Pantaleoni, McAllister, "Simpler and Faster HLBVH with Work Queues", HPG 2011.
 
+use std::ops::RangeInclusive;
+
 use hdtrapeze_simd::{Float, Kernel, Level, Simd};
 use rayon::prelude::*;
 
@@ -23,8 +25,10 @@ const MOST_CELLS: usize = 1 << 22;
 const LEAST_CELLS: usize = 64;
 /// Splits below each other, at most.
 const DEPTH: usize = 32;
-/// Cells of a region, which one thread fills: those of a run of numbers.
-const REGION_CELLS: usize = 4096;
+/// Regions that are aimed at: one thread fills the cells of one, a run of numbers.
+const REGIONS: usize = 128;
+/// Cells of a region, between these.
+const REGION_CELLS: RangeInclusive<usize> = 256..=4096;
 /// Chunks whose items one thread sorts into regions.
 const GROUP_CHUNKS: usize = 16;
 
@@ -136,6 +140,8 @@ struct Raster {
     places: Places,
     /// Powers of two.
     along: [usize; 3],
+    /// Cells of a region.
+    region: usize,
 }
 
 impl Raster {
@@ -149,9 +155,11 @@ impl Raster {
             let longest = (1..3).fold(0, |a, b| if size(b) > size(a) { b } else { a });
             along[longest] *= 2;
         }
+        let region = along.iter().product::<usize>() / REGIONS;
         Self {
             places: Places::new(extent, along),
             along,
+            region: region.clamp(*REGION_CELLS.start(), *REGION_CELLS.end()),
         }
     }
 
@@ -166,7 +174,7 @@ impl Raster {
     }
 
     fn region_count(&self) -> usize {
-        self.along.iter().product::<usize>().div_ceil(REGION_CELLS)
+        self.along.iter().product::<usize>().div_ceil(self.region)
     }
 }
 
@@ -198,6 +206,7 @@ fn by_cell<H: Hull>(
         level.run(InRegion {
             chunks,
             groups: &groups,
+            cells: raster.region,
             number,
             first,
             order,
@@ -255,11 +264,12 @@ impl<H: Hull> Kernel for ByRegion<'_, H> {
     fn run<S: Simd>(self, simd: S) -> Group {
         let count = self.group.iter().map(|chunk| chunk.len()).sum();
         let mut given = Vec::with_capacity(count);
+        let bits = self.raster.region.ilog2();
         let mut counts = vec![0u32; self.raster.region_count()];
         for (chunk, items) in (self.first as u32..).zip(self.group) {
             for (item, own) in (chunk << CHUNK_BITS..).zip(*items) {
                 let cell = self.raster.number(simd, own);
-                counts[cell as usize / REGION_CELLS] += 1;
+                counts[(cell >> bits) as usize] += 1;
                 given.push(Placed { item, cell });
             }
         }
@@ -267,7 +277,7 @@ impl<H: Hull> Kernel for ByRegion<'_, H> {
         let mut next = starts.clone();
         let mut items = vec![Placed::default(); count];
         for placed in given {
-            let at = &mut next[placed.cell as usize / REGION_CELLS];
+            let at = &mut next[(placed.cell >> bits) as usize];
             items[*at as usize] = placed;
             *at += 1;
         }
@@ -278,6 +288,8 @@ impl<H: Hull> Kernel for ByRegion<'_, H> {
 struct InRegion<'a, H: Hull> {
     chunks: &'a Chunks<'a, H>,
     groups: &'a [Group],
+    /// Cells of a region.
+    cells: usize,
     number: usize,
     /// Items of regions before it.
     first: u32,
@@ -295,15 +307,15 @@ impl<H: Hull> Kernel for InRegion<'_, H> {
                 .iter()
                 .flat_map(|group| group.region(self.number))
         };
-        let mut counts = vec![0u32; REGION_CELLS];
+        let mut counts = vec![0u32; self.cells];
         for placed in items() {
-            counts[placed.cell as usize % REGION_CELLS] += 1;
+            counts[placed.cell as usize & (self.cells - 1)] += 1;
         }
         let filled = counts.iter().filter(|&&count| count > 0).count();
         let starts = starts(counts.into_iter());
         let mut next = starts.clone();
         for placed in items() {
-            let at = &mut next[placed.cell as usize % REGION_CELLS];
+            let at = &mut next[placed.cell as usize & (self.cells - 1)];
             order[*at as usize] = placed.item;
             *at += 1;
         }
@@ -330,11 +342,11 @@ impl<H: Hull> Kernel for InRegion<'_, H> {
 fn in_order<H: Hull>(cells: &[Cell<H>], by_cell: &[u32]) -> Vec<u32> {
     let mut order = vec![0u32; by_cell.len()];
     let mut rest = &mut order[..];
-    let counts = cells.par_chunks(REGION_CELLS);
+    let counts = cells.par_chunks(PARALLEL_ITEMS);
     let counts = counts.map(|cells| cells.iter().map(|cell| cell.count as usize).sum());
     let counts: Vec<usize> = counts.collect();
     let mut parts = Vec::with_capacity(counts.len());
-    for (count, cells) in counts.into_iter().zip(cells.chunks(REGION_CELLS)) {
+    for (count, cells) in counts.into_iter().zip(cells.chunks(PARALLEL_ITEMS)) {
         let (own, after) = std::mem::take(&mut rest).split_at_mut(count);
         parts.push((own, cells));
         rest = after;
@@ -429,9 +441,8 @@ mod tests {
     }
 
     fn keeps<H: Hull>(slab: Vec3) {
-        // Several groups of chunks and several regions of cells.
+        // Several groups of chunks and many regions of cells.
         let count = 4 * (GROUP_CHUNKS * PARALLEL_ITEMS) as u32 + 5;
-        assert!(count as usize > 2 * REGION_CELLS * CELL_ITEMS);
         for level in Level::available() {
             let parts = parts::<H>(count, slab);
             let coarse = coarse(level, &parts);

@@ -1,4 +1,4 @@
-//! A frame for a range of parts of strands, and what it would leave of their boxes, without a look at vertices: from
+//! A frame for a range of parts of strands, and what it would leave of their boxes: from
 //! directions and boxes alone, 8 items at once.
 
 use glam::Vec3;
@@ -265,7 +265,7 @@ type Eight = [[f32; 8]; 3];
 struct Directions {
     /// In mid-shutter.
     mean: Vec<Eight>,
-    /// Half of what they change by, where that is kept.
+    /// Half of what they change by, where things move.
     half: Vec<Eight>,
 }
 

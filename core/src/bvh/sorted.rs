@@ -54,8 +54,8 @@ pub trait Hull: Clone + Copy + Send + Sync {
 }
 
 /// A box that does not move: lower bounds in lanes 0 to 2, and mirrored upper ones in lanes 4 to 6. Of an item's, lane 3 has the number of
-/// its diagonal, mirrored, and lane 7 its own, [coded](code): sums and differences of these are of no use, but neither infinite nor below f32's
-/// normal numbers, which are slow.
+/// its diagonal, mirrored, and lane 7 the item's own, [coded](code), or where there are two boxes, that of the first has: sums and differences
+/// of these are of no use, but finite, and hardly ever below f32's normal numbers, which are slow.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(32))]
 pub struct StaticHull([f32; 8]);
@@ -68,6 +68,7 @@ const CODED: u32 = (1 << 30) - 1;
 /// A number below 2^31 as a float that is safe to calculate with.
 #[inline(always)]
 fn code(id: u32) -> f32 {
+    debug_assert!(id >> 31 == 0);
     f32::from_bits(((id & CODED) + CODE) | (id & !CODED) << 1)
 }
 
