@@ -22,11 +22,11 @@ use rayon::prelude::*;
 use super::block::GROUPS;
 use super::coarse::{COARSE_ITEMS, coarse, numbered};
 use super::diagonal;
+use super::extent::Extent;
 use super::node::pack_hulls;
 use super::orient::{MOST_ITEMS, Strands, Tries, Turned};
 use super::range::{Items, Range, children};
 use super::sorted::{Hull, Sorted};
-use super::split::Extent;
 use super::turn::Turning;
 use super::{Bounds8, LinearBox, Node};
 
@@ -291,6 +291,7 @@ fn grow<B: Bounds8>(range: Range<'_, B::Hull>, mut below: Below<'_>) -> Grown<B>
     tree.root = 0;
     tree.nodes.push(node_over_ranges(&ranges, below));
     below.depth += 1;
+    let ranges: Vec<_> = ranges.into_iter().collect();
     let children = ranges.into_par_iter().map(|range| grow(range, below));
     grown.below = children.collect();
     grown

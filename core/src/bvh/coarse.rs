@@ -11,9 +11,11 @@ use std::ops::RangeInclusive;
 use hdtrapeze_simd::{Float, Kernel, Level, Simd};
 use rayon::prelude::*;
 
+use super::bins::Places;
 use super::build::PARALLEL_ITEMS;
+use super::extent::{Extent, Piece};
 use super::sorted::{Hull, Sorted};
-use super::split::{Extent, Halves, Piece, Places, split_pieces};
+use super::split::{Halves, split_pieces};
 
 /// Fewer items are split one by one.
 pub const COARSE_ITEMS: usize = 4 * PARALLEL_ITEMS;

@@ -30,6 +30,7 @@
 //! **Units.** Bounds are in the space of [`DicedMesh`](crate::grid::DicedMesh)'s positions for objects,
 //! and in world space relative to the world origin for the tree over instances.
 
+mod bins;
 pub mod block;
 pub mod bound;
 pub mod bowing;
@@ -38,6 +39,7 @@ pub mod carrier;
 mod coarse;
 pub mod diagonal;
 pub mod elsewhere;
+mod extent;
 pub mod frame;
 pub mod gather;
 pub mod group8;

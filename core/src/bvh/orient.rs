@@ -18,10 +18,10 @@ use hdtrapeze_simd::{Kernel, Level, Scalar, Simd};
 
 use super::block::{CellRect, GROUPS, is_small, loose};
 use super::bound::bound_groups;
+use super::extent::Extent;
 use super::guess::{Guess, Guessed};
 use super::object::loose_group;
 use super::sorted::{Hull, Sorted};
-use super::split::Extent;
 use super::turn::{Between, Pose, Turning};
 use super::{Bounds8, Frame};
 use crate::grid::PlanarMesh;

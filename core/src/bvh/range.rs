@@ -1,12 +1,14 @@
 //! Ranges of items while a tree is built: each becomes a child of a node.
 
+use arrayvec::ArrayVec;
 use hdtrapeze_simd::{Kernel, Level, Scalar, Simd};
 use rayon::prelude::*;
 
 use super::build::{Nodes, PARALLEL_ITEMS};
 use super::coarse::{Chunks, Known};
+use super::extent::Extent;
 use super::sorted::{Hull, Sorted};
-use super::split::{Extent, split};
+use super::split::split;
 
 /// The items of a range.
 pub enum Items<'a, H: Hull> {
@@ -146,8 +148,11 @@ impl<'a, H: Hull> Range<'a, H> {
     }
 }
 
+/// Those of a node.
+pub type Children<'a, H> = ArrayVec<Range<'a, H>, 8>;
+
 /// Each item of a range by itself.
-fn singles<'a, H: Hull>(items: Items<'a, H>, ranges: &mut Vec<Range<'a, H>>) {
+fn singles<'a, H: Hull>(items: Items<'a, H>, ranges: &mut Children<'a, H>) {
     match items {
         Items::There(items) => {
             let all = items.chunks_mut(1).map(|item| {
@@ -169,8 +174,8 @@ pub fn children<'a, H: Hull>(
     level: Level,
     kind: Nodes,
     depth: usize,
-) -> Vec<Range<'a, H>> {
-    let mut ranges = Vec::with_capacity(8);
+) -> Children<'a, H> {
+    let mut ranges = Children::new();
     ranges.push(range);
     // Up to 8 items are one full node.
     let least = if kind == Nodes::Full { 8 } else { 1 };

@@ -2,6 +2,8 @@
 //! two boxes; and the second bounds only where things move. An item is its box alone, since sorting copies it again and again, and reads
 //! many from all over memory: what else is known of it is in lanes that bounds leave, or found by its number.
 
+use std::ops::{Add, Mul};
+
 use glam::Vec3;
 use hdtrapeze_simd::{Float, Simd};
 
@@ -47,6 +49,8 @@ pub trait Hull: Clone + Copy + Send + Sync {
     fn extents<S: Simd>(simd: S, bounds: Self::In<S>) -> S::F8;
     /// As [`LinearBox::mean_half_area`].
     fn area<S: Simd>(simd: S, bounds: Self::In<S>) -> f32;
+    /// The same of 8 boxes, a lane each.
+    fn areas<S: Simd>(simd: S, bounds: [Self::In<S>; 8]) -> S::F8;
     /// True where it moves.
     const MOVES: bool;
     /// 8 boxes, a lane each.
@@ -143,11 +147,25 @@ fn mirrored_extents<S: Simd>(simd: S, bounds: S::F8) -> S::F8 {
     (bounds + simd.halves_swapped(bounds)).min(simd.all8(0.0))
 }
 
+/// The same of 8 boxes, by axis, once.
+#[inline(always)]
+fn mirrored_extents8<S: Simd>(simd: S, bounds: [S::F8; 8]) -> [S::F8; 3] {
+    let [x, y, z, _, u, v, w, _] = simd.transposed(bounds);
+    let zero = simd.all8(0.0);
+    [(x + u).min(zero), (y + v).min(zero), (z + w).min(zero)]
+}
+
 /// `x y + y z + z x` of both signs.
 #[inline(always)]
-fn products<F: Float<8>>(extents: F) -> f32 {
-    let [x, y, z, ..] = extents.to_array();
+fn products<T: Copy + Add<Output = T> + Mul<Output = T>>([x, y, z]: [T; 3]) -> T {
     x * y + y * z + z * x
+}
+
+/// As [`products`], of a box's extents.
+#[inline(always)]
+fn area<F: Float<8>>(extents: F) -> f32 {
+    let [x, y, z, ..] = extents.to_array();
+    products([x, y, z])
 }
 
 impl Hull for StaticHull {
@@ -207,7 +225,11 @@ impl Hull for StaticHull {
     }
     #[inline(always)]
     fn area<S: Simd>(simd: S, bounds: S::F8) -> f32 {
-        products(mirrored_extents(simd, bounds))
+        area(mirrored_extents(simd, bounds))
+    }
+    #[inline(always)]
+    fn areas<S: Simd>(simd: S, bounds: [S::F8; 8]) -> S::F8 {
+        products(mirrored_extents8(simd, bounds))
     }
     #[inline(always)]
     fn boxes<S: Simd>(simd: S, hulls: [&Self; 8]) -> Boxes8<S::F8> {
@@ -296,7 +318,14 @@ impl Hull for LinearHull {
         // The mean of x y over time, as in `LinearBox::mean_half_area`, regrouped: with the sum s of both ends'
         // extents, it is (x0 y0 + x1 y1 + sx sy) / 6.
         let (e0, e1) = (mirrored_extents(simd, start), mirrored_extents(simd, end));
-        (products(e0) + products(e1) + products(e0 + e1)) * (1.0 / 6.0)
+        (area(e0) + area(e1) + area(e0 + e1)) * (1.0 / 6.0)
+    }
+    #[inline(always)]
+    fn areas<S: Simd>(simd: S, bounds: [[S::F8; 2]; 8]) -> S::F8 {
+        let e0 = mirrored_extents8(simd, bounds.map(|[start, _]| start));
+        let e1 = mirrored_extents8(simd, bounds.map(|[_, end]| end));
+        let both = [e0[0] + e1[0], e0[1] + e1[1], e0[2] + e1[2]];
+        (products(e0) + products(e1) + products(both)) * simd.all8(1.0 / 6.0)
     }
     #[inline(always)]
     fn boxes<S: Simd>(simd: S, hulls: [&Self; 8]) -> Boxes8<S::F8> {

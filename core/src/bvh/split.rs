@@ -5,10 +5,12 @@
 
 use std::marker::PhantomData;
 
-use hdtrapeze_simd::{Float, Kernel, Level, Mask, Scalar, Simd};
+use hdtrapeze_simd::{Float, Kernel, Level, Mask, Simd};
 use rayon::prelude::*;
 
+use super::bins::{Counts, Few, Filled, Many, Places, Plane, WHOLE, cheapest};
 use super::build::{Nodes, PARALLEL_ITEMS};
+use super::extent::{Extent, Piece};
 use super::sorted::{Hull, Sorted};
 
 /// Bins on each axis.
@@ -20,6 +22,7 @@ const FEW_BINS: usize = 8;
 pub const SAH_DEPTH: usize = 16;
 /// Ranges up to this size are small. They are split so that nodes are full, where that is asked for.
 const FEW_ITEMS: usize = 64;
+const _: () = assert!(FEW_ITEMS <= Few::MOST);
 /// Items that move are split by drift, too, where that differs by more than this part of the extent of their centres. Swaying fur is
 /// the same from 0.1 to 1, and has a tenth fewer node tests than without.
 const DRIFT: f32 = 0.5;
@@ -28,125 +31,6 @@ const DRIFT: f32 = 0.5;
 const DRIFT_ITEMS: usize = 512;
 /// What is added to a box, or a centre, that is on a side, and to one that is not: minima pass it over.
 const BESIDE: [[f32; 8]; 2] = [[f32::INFINITY; 8], [0.0; 8]];
-/// Above it, f32 are whole numbers: sums are rounded to the nearest, and end in it.
-const WHOLE: f32 = (1 << 23) as f32;
-
-/// What items extend over.
-#[derive(Clone, Copy)]
-pub struct Extent<H> {
-    /// The box around theirs.
-    pub bounds: H,
-    /// The box around its centres: the least in each lane of [`Hull::centre4`].
-    centres: [f32; 8],
-}
-
-impl<H: Hull> Extent<H> {
-    const EMPTY: Self = Self {
-        bounds: H::EMPTY,
-        centres: [f32::INFINITY; 8],
-    };
-
-    /// Of boxes, and [centres](Piece::centres), joined.
-    #[inline(always)]
-    pub fn around<S: Simd>(bounds: H::In<S>, centres: S::F8) -> Self {
-        Self {
-            bounds: H::store::<S>(bounds),
-            centres: centres.to_array(),
-        }
-    }
-
-    /// As [`Piece::centres`].
-    #[inline(always)]
-    pub fn centres<S: Simd>(&self, simd: S) -> S::F8 {
-        simd.from8(&self.centres)
-    }
-
-    /// How far centres go along each axis.
-    pub fn spans(&self) -> [f32; 3] {
-        let c = &self.centres;
-        [-c[4] - c[0], -c[5] - c[1], -c[6] - c[2]]
-    }
-
-    /// Of an item that is not split.
-    pub fn single(item: &Sorted<H>) -> Self {
-        Self {
-            bounds: item.bounds,
-            ..Self::EMPTY
-        }
-    }
-
-    /// Of items, in parallel where there are many.
-    pub fn of(level: Level, items: &[Sorted<H>]) -> Self {
-        if items.len() <= PARALLEL_ITEMS {
-            return level.run(Extend(items));
-        }
-        let chunks: Vec<&[Sorted<H>]> = items.chunks(PARALLEL_ITEMS).collect();
-        Self::of_all(level, &chunks)
-    }
-
-    /// Of chunks of items, in parallel.
-    pub fn of_all(level: Level, chunks: &[&[Sorted<H>]]) -> Self {
-        let extents = chunks.par_iter().map(|items| level.run(Extend(items)));
-        extents.reduce(|| Self::EMPTY, |a, b| a.union(&b))
-    }
-
-    fn union(&self, o: &Self) -> Self {
-        let [a, b] = [self, o].map(|e| e.bounds.load(Scalar));
-        let [c, d] = [self, o].map(|e| Scalar.from8(&e.centres));
-        Self {
-            bounds: H::store(H::union::<Scalar>(a, b)),
-            centres: c.min(d).to_array(),
-        }
-    }
-}
-
-struct Extend<'a, H: Hull>(&'a [Sorted<H>]);
-
-impl<H: Hull> Kernel for Extend<'_, H> {
-    type Output = Extent<H>;
-    #[inline(always)]
-    fn run<S: Simd>(self, simd: S) -> Extent<H> {
-        let mut bounds = H::EMPTY.load(simd);
-        let mut centres = simd.all8(f32::INFINITY);
-        for item in self.0 {
-            let own = item.bounds.load(simd);
-            bounds = H::union::<S>(own, bounds);
-            centres = H::centre4(simd, own).min(centres);
-        }
-        Extent::around::<S>(bounds, centres)
-    }
-}
-
-/// What is sorted into bins: an item, or several.
-pub trait Piece<H: Hull>: Copy + Sync {
-    /// The box around it.
-    fn bounds(&self) -> &H;
-    /// The least of [`Hull::centre4`], by lane, over its items.
-    fn centres<S: Simd>(&self, simd: S) -> S::F8;
-    /// What its bin is chosen by, like [`Hull::centre4`].
-    fn place<S: Simd>(&self, simd: S) -> S::F8;
-    /// Items.
-    fn count(&self) -> u32;
-}
-
-impl<H: Hull> Piece<H> for Sorted<H> {
-    #[inline(always)]
-    fn bounds(&self) -> &H {
-        &self.bounds
-    }
-    #[inline(always)]
-    fn centres<S: Simd>(&self, simd: S) -> S::F8 {
-        H::centre4(simd, self.bounds.load(simd))
-    }
-    #[inline(always)]
-    fn place<S: Simd>(&self, simd: S) -> S::F8 {
-        self.centres(simd)
-    }
-    #[inline(always)]
-    fn count(&self) -> u32 {
-        1
-    }
-}
 
 /// Items on both sides of a split.
 #[derive(Clone, Copy)]
@@ -219,14 +103,14 @@ impl<H: Hull> Kernel for SplitByArea<'_, H> {
             kind,
         } = self;
         if items.len() <= FEW_ITEMS {
-            let (places, plane) = cheapest_of::<S, H, FEW_BINS>(simd, items, extent)?;
+            let (places, plane) = cheapest_of::<S, H, Few, FEW_BINS>(simd, items, extent)?;
             return Some(match kind {
                 Nodes::Full => split_full(simd, items, &places, &plane),
                 Nodes::Cheap => partition(simd, items, &places, &plane).1,
             });
         }
         if H::MOVES && items.len() <= DRIFT_ITEMS {
-            let (places, plane) = cheapest_of::<S, H, BINS>(simd, items, extent)?;
+            let (places, plane) = cheapest_of::<S, H, Many<BINS>, BINS>(simd, items, extent)?;
             return Some(partition(simd, items, &places, &plane).1);
         }
         let pieces = Pieces {
@@ -240,15 +124,15 @@ impl<H: Hull> Kernel for SplitByArea<'_, H> {
 
 /// The cheapest plane between bins of centres, or of drift where that is cheaper, and the bins.
 #[inline(always)]
-fn cheapest_of<S: Simd, H: Hull, const N: usize>(
+fn cheapest_of<S: Simd, H: Hull, C: Counts, const N: usize>(
     simd: S,
     items: &[Sorted<H>],
     extent: &Extent<H>,
 ) -> Option<(Places, Plane<H>)> {
-    let best = between::<S, H, N>(simd, items, Places::new(extent, [N; 3]));
+    let best = between::<S, H, C, N>(simd, items, Places::new(extent, [N; 3]));
     if H::MOVES
         && let Some(drift) = drift(simd, items, extent)
-        && let Some(other) = between::<S, H, N>(simd, items, Places::of_drift(&drift, [N; 3]))
+        && let Some(other) = between::<S, H, C, N>(simd, items, Places::of_drift(&drift, [N; 3]))
         && best
             .as_ref()
             .is_none_or(|(_, plane)| other.1.cost < plane.cost)
@@ -260,12 +144,12 @@ fn cheapest_of<S: Simd, H: Hull, const N: usize>(
 
 /// The cheapest plane between some bins, and these.
 #[inline(always)]
-fn between<S: Simd, H: Hull, const N: usize>(
+fn between<S: Simd, H: Hull, C: Counts, const N: usize>(
     simd: S,
     items: &[Sorted<H>],
     places: Places,
 ) -> Option<(Places, Plane<H>)> {
-    let filled = fill::<S, H, _, N>(simd, items, &places);
+    let filled = Filled::<H, C, N>::with(simd, items, &places);
     cheapest(simd, &filled, &places).map(|plane| (places, plane))
 }
 
@@ -298,6 +182,19 @@ pub fn split_pieces<H: Hull, P: Piece<H>>(
     })
 }
 
+/// What is in bins of any number of items.
+type InBins<H> = Filled<H, Many<BINS>, BINS>;
+
+struct Fill<'a, H, P>(&'a [P], &'a Places, PhantomData<H>);
+
+impl<H: Hull, P: Piece<H>> Kernel for Fill<'_, H, P> {
+    type Output = InBins<H>;
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> InBins<H> {
+        InBins::with(simd, self.0, self.1)
+    }
+}
+
 struct Pieces<'a, H, P> {
     level: Level,
     pieces: &'a mut [P],
@@ -318,189 +215,13 @@ impl<H: Hull, P: Piece<H>> Kernel for Pieces<'_, H, P> {
             pieces
                 .par_chunks(PARALLEL_ITEMS)
                 .map(|pieces| level.run(Fill(pieces, &places, PhantomData)))
-                .reduce(|| Filled::EMPTY, |a, b| a.join(&b))
+                .reduce(|| InBins::EMPTY, |a, b| a.join(&b))
         } else {
-            fill::<S, H, P, BINS>(simd, pieces, &places)
+            InBins::with(simd, pieces, &places)
         };
         let plane = cheapest(simd, &filled, &places)?;
         Some(partition(simd, pieces, &places, &plane))
     }
-}
-
-/// Where bins are, on each axis: numbers grow with centres.
-#[derive(Clone, Copy)]
-pub struct Places {
-    lo: [f32; 8],
-    /// Bins in a unit; 0 on an axis without extent, and in lanes of none.
-    scale: [f32; 8],
-    /// The last bin.
-    most: [f32; 8],
-    /// They are bins of drift, not of centres.
-    drift: bool,
-}
-
-impl Places {
-    /// So many bins on each axis.
-    pub fn new<H: Hull>(extent: &Extent<H>, counts: [usize; 3]) -> Self {
-        let (mut lo, mut scale, mut most) = ([0.0; 8], [0.0; 8], [0.0; 8]);
-        let spans = extent.spans();
-        for a in 0..3 {
-            // Not a division by an extent: an axis without extent gets one bin, and is passed over.
-            let s = counts[a] as f32 / spans[a];
-            (lo[a], scale[a]) = (extent.centres[a], if s.is_finite() { s } else { 0.0 });
-            most[a] = (counts[a] - 1) as f32;
-        }
-        Self {
-            lo,
-            scale,
-            most,
-            drift: false,
-        }
-    }
-
-    /// So many bins of what items drift by, which `drift` has in place of centres.
-    fn of_drift<H: Hull>(drift: &Extent<H>, counts: [usize; 3]) -> Self {
-        Self {
-            drift: true,
-            ..Self::new(drift, counts)
-        }
-    }
-
-    /// What the bin of a piece is chosen by.
-    #[inline(always)]
-    fn place<S: Simd, H: Hull>(&self, simd: S, piece: &impl Piece<H>) -> S::F8 {
-        if H::MOVES && self.drift {
-            H::drift4(simd, piece.bounds().load(simd))
-        } else {
-            piece.place(simd)
-        }
-    }
-
-    /// The bins of a place.
-    #[inline(always)]
-    pub fn numbers<S: Simd>(&self, simd: S, place: S::F8) -> [usize; 3] {
-        let [x, y, z, ..] = self.whole(simd, place).to_array();
-        let number = |x: f32| (x.to_bits() - WHOLE.to_bits()) as usize;
-        [number(x), number(y), number(z)]
-    }
-
-    /// The same plus [`WHOLE`].
-    #[inline(always)]
-    fn whole<S: Simd>(&self, simd: S, place: S::F8) -> S::F8 {
-        let at = (place - simd.from8(&self.lo)) * simd.from8(&self.scale) - simd.all8(0.5);
-        at.max(simd.all8(0.0)).min(simd.from8(&self.most)) + simd.all8(WHOLE)
-    }
-}
-
-/// A split plane: items in bins below `bin` go left.
-struct Plane<H> {
-    axis: usize,
-    bin: usize,
-    /// Items on the left.
-    left: usize,
-    /// Boxes of both sides.
-    bounds: [H; 2],
-    /// The sum of their areas, each as often as it has items.
-    cost: f32,
-}
-
-/// What is in bins on each axis.
-struct Filled<H, const N: usize> {
-    bounds: [[H; N]; 3],
-    counts: [[u32; N]; 3],
-}
-
-impl<H: Hull, const N: usize> Filled<H, N> {
-    const EMPTY: Self = Self {
-        bounds: [[H::EMPTY; N]; 3],
-        counts: [[0; N]; 3],
-    };
-
-    fn join(mut self, o: &Self) -> Self {
-        let both = self.bounds.iter_mut().zip(&o.bounds);
-        for (a, b) in both.flat_map(|(a, b)| a.iter_mut().zip(b)) {
-            *a = H::store(H::union::<Scalar>(a.load(Scalar), b.load(Scalar)));
-        }
-        let both = self.counts.iter_mut().zip(&o.counts);
-        for (a, b) in both.flat_map(|(a, b)| a.iter_mut().zip(b)) {
-            *a += b;
-        }
-        self
-    }
-}
-
-struct Fill<'a, H, P>(&'a [P], &'a Places, PhantomData<H>);
-
-impl<H: Hull, P: Piece<H>> Kernel for Fill<'_, H, P> {
-    type Output = Filled<H, BINS>;
-    #[inline(always)]
-    fn run<S: Simd>(self, simd: S) -> Filled<H, BINS> {
-        fill(simd, self.0, self.1)
-    }
-}
-
-#[inline(always)]
-fn fill<S: Simd, H: Hull, P: Piece<H>, const N: usize>(
-    simd: S,
-    pieces: &[P],
-    places: &Places,
-) -> Filled<H, N> {
-    let mut filled = Filled::<H, N>::EMPTY;
-    for piece in pieces {
-        let own = piece.bounds().load(simd);
-        let numbers = places.numbers(simd, places.place(simd, piece));
-        for (axis, number) in numbers.into_iter().enumerate() {
-            // Whatever rounding does, the bin exists.
-            let number = number % N;
-            let bin = &mut filled.bounds[axis][number];
-            *bin = H::store::<S>(H::union::<S>(own, bin.load(simd)));
-            filled.counts[axis][number] += piece.count();
-        }
-    }
-    filled
-}
-
-/// The cheapest plane over all axes, or none where every centre is the same.
-#[inline(always)]
-fn cheapest<S: Simd, H: Hull, const N: usize>(
-    simd: S,
-    filled: &Filled<H, N>,
-    places: &Places,
-) -> Option<Plane<H>> {
-    let mut best: Option<Plane<H>> = None;
-    for axis in 0..3 {
-        if places.scale[axis] <= 0.0 {
-            continue;
-        }
-        let (bounds, counts) = (&filled.bounds[axis], &filled.counts[axis]);
-        let mut right = [(H::EMPTY, 0.0f32); N];
-        let (mut side, mut count) = (H::EMPTY.load(simd), 0);
-        for i in (1..N).rev() {
-            side = H::union::<S>(side, bounds[i].load(simd));
-            count += counts[i];
-            right[i] = (H::store::<S>(side), H::area(simd, side) * count as f32);
-        }
-        let total = count + counts[0];
-        let (mut side, mut count) = (H::EMPTY.load(simd), 0);
-        for i in 1..N {
-            side = H::union::<S>(side, bounds[i - 1].load(simd));
-            count += counts[i - 1];
-            if count == 0 || count == total {
-                continue;
-            }
-            let cost = H::area(simd, side) * count as f32 + right[i].1;
-            if best.as_ref().is_none_or(|best| cost < best.cost) {
-                best = Some(Plane {
-                    axis,
-                    bin: i,
-                    left: count as usize,
-                    bounds: [H::store::<S>(side), right[i].0],
-                    cost,
-                });
-            }
-        }
-    }
-    best
 }
 
 /// Moves pieces to their sides of a plane; returns where the second begins.
@@ -530,10 +251,7 @@ fn partition<S: Simd, H: Hull, P: Piece<H>>(
         middle += left;
     }
     debug_assert!(middle > 0 && middle < pieces.len());
-    let extent = |side: usize| Extent {
-        bounds: plane.bounds[side],
-        centres: centres[side].to_array(),
-    };
+    let extent = |side: usize| Extent::around::<S>(plane.bounds[side].load(simd), centres[side]);
     let halves = Halves {
         middle: plane.left,
         extents: [extent(0), extent(1)],

@@ -1,0 +1,273 @@
+//! Bins on each axis that items are sorted into, by their centres or by their drift, and the cheapest plane between them.
+
+use hdtrapeze_simd::{Float, Mask, Scalar, Simd};
+
+use super::extent::{Extent, Piece};
+use super::sorted::Hull;
+
+/// Above it, f32 are whole numbers: sums are rounded to the nearest, and end in it.
+pub const WHOLE: f32 = (1 << 23) as f32;
+
+/// Where bins are, on each axis: numbers grow with centres.
+#[derive(Clone, Copy)]
+pub struct Places {
+    lo: [f32; 8],
+    /// Bins in a unit; 0 on an axis without extent, and in lanes of none.
+    scale: [f32; 8],
+    /// The last bin.
+    most: [f32; 8],
+    /// They are bins of drift, not of centres.
+    drift: bool,
+}
+
+impl Places {
+    /// So many bins on each axis.
+    pub fn new<H: Hull>(extent: &Extent<H>, counts: [usize; 3]) -> Self {
+        let (mut lo, mut scale, mut most) = ([0.0; 8], [0.0; 8], [0.0; 8]);
+        let spans = extent.spans();
+        for a in 0..3 {
+            // Not a division by an extent: an axis without extent gets one bin, and is passed over.
+            let s = counts[a] as f32 / spans[a];
+            (lo[a], scale[a]) = (extent.first(a), if s.is_finite() { s } else { 0.0 });
+            most[a] = (counts[a] - 1) as f32;
+        }
+        Self {
+            lo,
+            scale,
+            most,
+            drift: false,
+        }
+    }
+
+    /// So many bins of what items drift by, which `drift` has in place of centres.
+    pub fn of_drift<H: Hull>(drift: &Extent<H>, counts: [usize; 3]) -> Self {
+        Self {
+            drift: true,
+            ..Self::new(drift, counts)
+        }
+    }
+
+    /// Bins on an axis differ.
+    fn has_several(&self, axis: usize) -> bool {
+        self.scale[axis] > 0.0
+    }
+
+    /// What the bin of a piece is chosen by.
+    #[inline(always)]
+    pub fn place<S: Simd, H: Hull>(&self, simd: S, piece: &impl Piece<H>) -> S::F8 {
+        if H::MOVES && self.drift {
+            H::drift4(simd, piece.bounds().load(simd))
+        } else {
+            piece.place(simd)
+        }
+    }
+
+    /// The bins of a place.
+    #[inline(always)]
+    pub fn numbers<S: Simd>(&self, simd: S, place: S::F8) -> [usize; 3] {
+        let [x, y, z, ..] = self.whole(simd, place).to_array();
+        let number = |x: f32| (x.to_bits() - WHOLE.to_bits()) as usize;
+        [number(x), number(y), number(z)]
+    }
+
+    /// The same plus [`WHOLE`].
+    #[inline(always)]
+    pub fn whole<S: Simd>(&self, simd: S, place: S::F8) -> S::F8 {
+        let at = (place - simd.from8(&self.lo)) * simd.from8(&self.scale) - simd.all8(0.5);
+        at.max(simd.all8(0.0)).min(simd.from8(&self.most)) + simd.all8(WHOLE)
+    }
+}
+
+/// How many items are in bins on each axis, of which there are multiples of 8.
+pub trait Counts: Copy + Send {
+    /// Nothing is in any.
+    const NONE: Self;
+    /// More items in a bin.
+    fn add(&mut self, axis: usize, bin: usize, count: u32);
+    /// Items in all bins up to each of 8, the first of which is number `8 part`.
+    fn up_to<S: Simd>(&self, simd: S, axis: usize, part: usize) -> S::F8;
+    /// Items in all bins below one.
+    fn below(&self, axis: usize, bin: usize) -> usize;
+}
+
+/// Any number of items in each of `N` bins.
+pub type Many<const N: usize> = [[u32; N]; 3];
+
+impl<const N: usize> Counts for Many<N> {
+    const NONE: Self = [[0; N]; 3];
+    #[inline(always)]
+    fn add(&mut self, axis: usize, bin: usize, count: u32) {
+        self[axis][bin] += count;
+    }
+    #[inline(always)]
+    fn up_to<S: Simd>(&self, simd: S, axis: usize, part: usize) -> S::F8 {
+        let (before, own) = self[axis].split_at(8 * part);
+        let mut sum = before.iter().sum::<u32>();
+        let mut sums = [0.0; 8];
+        for (to, count) in sums.iter_mut().zip(own) {
+            sum += count;
+            *to = sum as f32;
+        }
+        simd.from8(&sums)
+    }
+    #[inline(always)]
+    fn below(&self, axis: usize, bin: usize) -> usize {
+        self[axis][..bin].iter().sum::<u32>() as usize
+    }
+}
+
+/// Up to [`Few::MOST`] items in 8 bins, a byte each, from the lowest on: they stay in registers.
+#[derive(Clone, Copy)]
+pub struct Few([u64; 3]);
+
+impl Few {
+    /// Items in all bins together, at most.
+    pub const MOST: usize = u8::MAX as usize;
+
+    #[inline(always)]
+    fn sums(&self, axis: usize) -> [u8; 8] {
+        self.0[axis]
+            .wrapping_mul(0x0101_0101_0101_0101)
+            .to_le_bytes()
+    }
+}
+
+impl Counts for Few {
+    const NONE: Self = Self([0; 3]);
+    #[inline(always)]
+    fn add(&mut self, axis: usize, bin: usize, count: u32) {
+        self.0[axis] += u64::from(count) << (8 * (bin % 8));
+    }
+    #[inline(always)]
+    fn up_to<S: Simd>(&self, simd: S, axis: usize, _: usize) -> S::F8 {
+        simd.bytes8(&self.sums(axis))
+    }
+    #[inline(always)]
+    fn below(&self, axis: usize, bin: usize) -> usize {
+        bin.checked_sub(1)
+            .map_or(0, |bin| usize::from(self.sums(axis)[bin % 8]))
+    }
+}
+
+/// What is in `N` bins on each axis.
+pub struct Filled<H, C, const N: usize> {
+    bounds: [[H; N]; 3],
+    counts: C,
+}
+
+impl<H: Hull, C: Counts, const N: usize> Filled<H, C, N> {
+    /// Nothing.
+    pub const EMPTY: Self = Self {
+        bounds: [[H::EMPTY; N]; 3],
+        counts: C::NONE,
+    };
+
+    /// Pieces in their bins.
+    #[inline(always)]
+    pub fn with<S: Simd, P: Piece<H>>(simd: S, pieces: &[P], places: &Places) -> Self {
+        let mut filled = Self::EMPTY;
+        for piece in pieces {
+            let own = piece.bounds().load(simd);
+            let numbers = places.numbers(simd, places.place(simd, piece));
+            for (axis, number) in numbers.into_iter().enumerate() {
+                // Whatever rounding does, the bin exists.
+                let number = number % N;
+                let bin = &mut filled.bounds[axis][number];
+                *bin = H::store::<S>(H::union::<S>(own, bin.load(simd)));
+                filled.counts.add(axis, number, piece.count());
+            }
+        }
+        filled
+    }
+}
+
+impl<H: Hull, const N: usize> Filled<H, Many<N>, N> {
+    /// What is in either.
+    pub fn join(mut self, o: &Self) -> Self {
+        for axis in 0..3 {
+            for (a, b) in self.bounds[axis].iter_mut().zip(&o.bounds[axis]) {
+                *a = H::store(H::union::<Scalar>(a.load(Scalar), b.load(Scalar)));
+            }
+            for (a, b) in self.counts[axis].iter_mut().zip(&o.counts[axis]) {
+                *a += b;
+            }
+        }
+        self
+    }
+}
+
+/// A split plane: items in bins below `bin` go left.
+pub struct Plane<H> {
+    /// What it is at right angles to.
+    pub axis: usize,
+    /// The first bin on the right.
+    pub bin: usize,
+    /// Items on the left.
+    pub left: usize,
+    /// Boxes of both sides.
+    pub bounds: [H; 2],
+    /// The sum of their areas, each as often as it has items.
+    pub cost: f32,
+}
+
+/// The cheapest plane over all axes, or none where every centre is the same.
+#[inline(always)]
+pub fn cheapest<S: Simd, H: Hull, C: Counts, const N: usize>(
+    simd: S,
+    filled: &Filled<H, C, N>,
+    places: &Places,
+) -> Option<Plane<H>> {
+    let Filled { bounds, counts } = filled;
+    let mut best: Option<(usize, usize, f32)> = None;
+    for axis in (0..3).filter(|&axis| places.has_several(axis)) {
+        // What is up to each bin, and beyond it.
+        let (mut low, mut high) = ([H::EMPTY.load(simd); N], [H::EMPTY.load(simd); N]);
+        let mut side = H::EMPTY.load(simd);
+        for i in 0..N {
+            side = H::union::<S>(side, bounds[axis][i].load(simd));
+            low[i] = side;
+        }
+        side = H::EMPTY.load(simd);
+        for i in (1..N).rev() {
+            side = H::union::<S>(side, bounds[axis][i].load(simd));
+            high[i - 1] = side;
+        }
+        let all = simd.all8(counts.below(axis, N) as f32);
+        for part in 0..N / 8 {
+            let count = counts.up_to(simd, axis, part);
+            let rest = all - count;
+            let (low, high) = (eight(&low, part), eight(&high, part));
+            let cost = H::areas(simd, low) * count + H::areas(simd, high) * rest;
+            let zero = simd.all8(0.0);
+            let both = zero.lt(count) & zero.lt(rest);
+            let cost = cost.or(both, simd.all8(f32::INFINITY));
+            let least = cost.least();
+            if both.bits() != 0 && best.is_none_or(|(.., cost)| least < cost) {
+                let first = (cost.le(simd.all8(least)) & both).bits().trailing_zeros();
+                best = Some((axis, 8 * part + first as usize + 1, least));
+            }
+        }
+    }
+    let (axis, bin, cost) = best?;
+    let (left, right) = bounds[axis].split_at(bin);
+    let (mut low, mut high) = (H::EMPTY.load(simd), H::EMPTY.load(simd));
+    for bounds in left {
+        low = H::union::<S>(low, bounds.load(simd));
+    }
+    for bounds in right.iter().rev() {
+        high = H::union::<S>(high, bounds.load(simd));
+    }
+    Some(Plane {
+        axis,
+        bin,
+        left: counts.below(axis, bin),
+        bounds: [H::store::<S>(low), H::store::<S>(high)],
+        cost,
+    })
+}
+
+/// 8 of them.
+#[inline(always)]
+fn eight<T: Copy, const N: usize>(all: &[T; N], part: usize) -> [T; 8] {
+    std::array::from_fn(|i| all[8 * part + i])
+}
