@@ -271,3 +271,129 @@ pub fn cheapest<S: Simd, H: Hull, C: Counts, const N: usize>(
 fn eight<T: Copy, const N: usize>(all: &[T; N], part: usize) -> [T; 8] {
     std::array::from_fn(|i| all[8 * part + i])
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+    use hdtrapeze_simd::Level;
+
+    use super::super::LinearBox;
+    use super::super::build::Item;
+    use super::super::sorted::{LinearHull, Sorted, StaticHull};
+    use super::*;
+
+    /// Boxes in a slab, all over it or in a few places.
+    fn items<H: Hull>(count: u32, slab: Vec3, places: u32) -> Vec<Sorted<H>> {
+        let number = |i: u32| (i.wrapping_mul(2_654_435_761) >> 8) as f32 / (1 << 24) as f32;
+        let item = |id: u32| {
+            let own = if places == 0 { id } else { id % places };
+            let at = |k: u32| {
+                let seed = 31 * own + 7 * k;
+                Vec3::new(number(seed), number(seed + 1), number(seed + 2))
+            };
+            let bounds = LinearBox {
+                lo0: at(1) * slab,
+                hi0: at(1) * slab + at(2) * 0.1,
+                lo1: at(3) * slab,
+                hi1: at(3) * slab + at(4) * 0.2,
+            };
+            Sorted::of(&Item { bounds, id })
+        };
+        (0..count).map(item).collect()
+    }
+
+    /// The cheapest plane, one by one: axis, first bin on the right, items on the left, and the cost.
+    fn one_by_one<H: Hull>(
+        items: &[Sorted<H>],
+        places: &Places,
+        bins: usize,
+    ) -> Option<(usize, usize, usize, f32)> {
+        let mut best: Option<(usize, usize, usize, f32)> = None;
+        for axis in 0..3 {
+            for bin in 1..bins {
+                let mut sides = [(H::EMPTY, 0); 2];
+                for item in items {
+                    let own = places.numbers(Scalar, places.place(Scalar, item))[axis];
+                    let (bounds, count) = &mut sides[usize::from(own >= bin)];
+                    let own = item.bounds.load(Scalar);
+                    *bounds = H::store(H::union::<Scalar>(own, bounds.load(Scalar)));
+                    *count += 1;
+                }
+                let [left, right] = sides;
+                if left.1 == 0 || right.1 == 0 {
+                    continue;
+                }
+                let cost = |(bounds, count): (H, usize)| {
+                    H::area(Scalar, bounds.load(Scalar)) * count as f32
+                };
+                let cost = cost(left) + cost(right);
+                if best.is_none_or(|(.., least)| cost < least) {
+                    best = Some((axis, bin, left.1, cost));
+                }
+            }
+        }
+        best
+    }
+
+    struct Cheapest<'a, H: Hull, C, const N: usize>(&'a [Sorted<H>], &'a Places, C);
+
+    impl<H: Hull, C: Counts, const N: usize> hdtrapeze_simd::Kernel for Cheapest<'_, H, C, N> {
+        type Output = Option<Plane<H>>;
+        #[inline(always)]
+        fn run<S: Simd>(self, simd: S) -> Self::Output {
+            let filled = Filled::<H, C, N>::with(simd, self.0, self.1);
+            cheapest(simd, &filled, self.1)
+        }
+    }
+
+    fn check<H: Hull, C: Counts, const N: usize>(items: &[Sorted<H>]) -> bool {
+        let mut planes = 0;
+        for level in Level::available() {
+            let places = Places::new(&Extent::of(level, items), [N; 3]);
+            let want = one_by_one(items, &places, N);
+            let found = level.run(Cheapest::<H, C, N>(items, &places, C::NONE));
+            let found = found.map(|plane| {
+                let (left, right) = sides(items, &places, &plane);
+                let bits = |hull: &H| format!("{:?}", H::boxes(Scalar, [hull; 8]).to_boxes()[0]);
+                assert_eq!(bits(&plane.bounds[0]), bits(&left));
+                assert_eq!(bits(&plane.bounds[1]), bits(&right));
+                (plane.axis, plane.bin, plane.left, plane.cost)
+            });
+            assert_eq!(found, want, "{level:?}, {} items in {N} bins", items.len());
+            planes += usize::from(found.is_some());
+        }
+        planes > 0
+    }
+
+    fn sides<H: Hull>(items: &[Sorted<H>], places: &Places, plane: &Plane<H>) -> (H, H) {
+        let mut sides = [H::EMPTY; 2];
+        for item in items {
+            let own = places.numbers(Scalar, places.place(Scalar, item))[plane.axis];
+            let side = &mut sides[usize::from(own >= plane.bin)];
+            let own = item.bounds.load(Scalar);
+            *side = H::store(H::union::<Scalar>(own, side.load(Scalar)));
+        }
+        sides.into()
+    }
+
+    fn checks<H: Hull>() {
+        for slab in [Vec3::ONE, Vec3::new(3.0, 1e-3, 1.0), Vec3::X] {
+            for (count, places) in [(2, 0), (3, 0), (9, 0), (64, 0), (255, 0), (255, 2), (40, 3)] {
+                let items = items::<H>(count, slab, places);
+                assert!(check::<H, Few, 8>(&items));
+                assert!(check::<H, Many<8>, 8>(&items));
+                assert!(check::<H, Many<16>, 16>(&items));
+            }
+            let same = items::<H>(50, slab, 1);
+            assert!(!check::<H, Few, 8>(&same));
+            assert!(!check::<H, Many<16>, 16>(&same));
+            assert!(check::<H, Many<16>, 16>(&items::<H>(3000, slab, 0)));
+        }
+    }
+
+    #[test]
+    fn the_cheapest_plane_is_found_among_all() {
+        checks::<StaticHull>();
+        checks::<LinearHull>();
+    }
+}

@@ -101,7 +101,7 @@ pub fn build_items<B: Bounds8>(items: Vec<Item>, kind: Nodes, cancel: &AtomicBoo
 /// Builds the tree over items, given in parts, as [`build_items`]. With `strands`, which knows which way items go and bounds them,
 /// ranges are turned where that pays.
 pub fn build_sorted<B: Bounds8>(
-    parts: Vec<Vec<Sorted<B::Hull>>>,
+    mut parts: Vec<Vec<Sorted<B::Hull>>>,
     kind: Nodes,
     strands: Option<&Strands<'_>>,
     cancel: &AtomicBool,
@@ -117,8 +117,8 @@ pub fn build_sorted<B: Bounds8>(
     };
     let count = parts.iter().map(Vec::len).sum::<usize>();
     let grown = if count >= COARSE_ITEMS && numbered(&parts) {
-        let coarse = coarse(below.level, &parts);
-        let items = Items::Numbered(&coarse.order, &coarse.chunks);
+        let coarse = coarse(below.level, &mut parts);
+        let items = Items::InCells(count, &coarse.cells, &coarse.listed);
         let range = Range::new(items, coarse.extent, coarse.known.as_deref());
         let grown = grow(range, below);
         drop(coarse);

@@ -1,7 +1,10 @@
-//! The first splits of many items: over the cells of a regular grid, so that items are read three times in all rather
+//! The first splits of many items: over the cells of a regular grid, so that items are read four times in all rather
 //! than twice a level, and most often copied only into a thread's caches.
 //!
-//! Cells hold a few items each, by their centres, and know what these extend over, exactly. Ranges of cells are split like
+//! Cells hold a few items each, by their centres, and know what these extend over, exactly. *Regions* are runs of cells, which are near each
+//! other. Items are sorted by region where they are, in chunks that caches hold; then, a region at a time, what each chunk has of it is
+//! read side by side, and counted by cell. So nothing is read from all over memory but what is copied in the end, and of that
+//! neighbours are near each other. Ranges of cells are split like
 //! ranges of items, as long as there are so many cells that planes between them are as good as those
 //! between items; after Pantaleoni and Luebke, "HLBVH: Hierarchical LBVH Construction for Real-Time Ray Tracing of Dynamic
 //! Geometry", HPG 2010, and Garanzha, Pantaleoni, McAllister, "Simpler and Faster HLBVH with Work Queues", HPG 2011.
@@ -31,35 +34,96 @@ const DEPTH: usize = 32;
 const REGIONS: usize = 128;
 /// Cells of a region, between these.
 const REGION_CELLS: RangeInclusive<usize> = 256..=4096;
-/// Chunks whose items one thread sorts into regions.
-const GROUP_CHUNKS: usize = 16;
+/// Parts of fewer items on average are joined, or regions would have next to nothing in each.
+const LEAST_PART: usize = PARALLEL_ITEMS / 4;
 
 /// A split that is known before its range is reached, and those below it.
 pub struct Known<H> {
     /// Items on both sides.
     pub halves: Halves<H>,
+    /// Cells on the first.
+    pub cells: usize,
     /// Splits of the sides.
     pub below: [Option<Box<Known<H>>>; 2],
 }
 
 /// Items in the order of their splits.
 pub struct Coarse<'a, H: Hull> {
-    /// All of them.
-    pub chunks: Chunks<'a, H>,
-    /// Their numbers, in that order.
-    pub order: Vec<u32>,
+    /// Where they are.
+    pub listed: Listed<'a, H>,
+    /// Cells that hold any, in that order.
+    pub cells: Vec<Cell<H>>,
     /// What they extend over.
     pub extent: Extent<H>,
     /// The first split, unless all lie in a few cells.
     pub known: Option<Box<Known<H>>>,
 }
 
-/// Items of a cell: a range of an array.
+/// Items by cell.
+pub struct Listed<'a, H: Hull> {
+    chunks: Chunks<'a, H>,
+    /// Their numbers.
+    order: Vec<u32>,
+}
+
+impl<'a, H: Hull> Listed<'a, H> {
+    /// The first item of some cells.
+    pub fn first(&self, cells: &[Cell<H>]) -> Option<&'a Sorted<H>> {
+        let number = self.order[cells.first()?.first as usize];
+        Some(self.chunks.item(number))
+    }
+
+    /// Copies of the items of cells, which are so many.
+    pub fn copied(&self, level: Level, cells: &[Cell<H>], count: usize) -> Vec<Sorted<H>> {
+        let mut numbers = Vec::with_capacity(count);
+        for cell in cells {
+            numbers.extend_from_slice(&self.order[cell.first as usize..][..cell.count as usize]);
+        }
+        let copied = |numbers| {
+            level.run(Copied {
+                numbers,
+                chunks: &self.chunks,
+            })
+        };
+        if count <= PARALLEL_ITEMS {
+            return copied(&numbers[..]);
+        }
+        let parts: Vec<_> = numbers.par_chunks(PARALLEL_ITEMS).map(copied).collect();
+        let parts = parts.iter().map(Vec::as_slice).collect();
+        hdtrapeze_pages::joined(parts, |_, item| *item)
+    }
+}
+
+/// Items by their numbers.
+struct Copied<'a, H: Hull> {
+    numbers: &'a [u32],
+    chunks: &'a Chunks<'a, H>,
+}
+
+impl<H: Hull> Kernel for Copied<'_, H> {
+    type Output = Vec<Sorted<H>>;
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> Vec<Sorted<H>> {
+        let Self { numbers, chunks } = self;
+        let item = |at| *chunks.item_of(simd, numbers, at);
+        (0..numbers.len()).map(item).collect()
+    }
+}
+
+/// Items of a cell: a range of those that are [listed](Listed).
 #[derive(Clone, Copy)]
-struct Cell<H> {
+pub struct Cell<H: Hull> {
     extent: Extent<H>,
     first: u32,
     count: u32,
+}
+
+impl<H: Hull> Cell<H> {
+    const EMPTY: Self = Self {
+        extent: Extent::EMPTY,
+        first: 0,
+        count: 0,
+    };
 }
 
 impl<H: Hull> Piece<H> for Cell<H> {
@@ -84,24 +148,27 @@ impl<H: Hull> Piece<H> for Cell<H> {
 
 /// Items in chunks of up to [`PARALLEL_ITEMS`]. An item is known by the number of its chunk and, in the last
 /// [`CHUNK_BITS`], its place there.
-pub struct Chunks<'a, H: Hull>(Vec<&'a [Sorted<H>]>);
+struct Chunks<'a, H: Hull>(Vec<&'a [Sorted<H>]>);
 
 /// Items that are asked for before they are read.
-const AHEAD: usize = 16;
+const AHEAD: usize = 48;
+/// The same of chunks, where those of a region are read.
+const CHUNKS_AHEAD: usize = 8;
+/// Bytes that come from memory at once.
+const LINE: usize = 64;
 
 const CHUNK_BITS: u32 = PARALLEL_ITEMS.ilog2();
 const _: () = assert!(PARALLEL_ITEMS.is_power_of_two());
 
 impl<'a, H: Hull> Chunks<'a, H> {
-    /// The item of a number.
     #[inline(always)]
-    pub fn item(&self, number: u32) -> &'a Sorted<H> {
+    fn item(&self, number: u32) -> &'a Sorted<H> {
         &self.0[(number >> CHUNK_BITS) as usize][number as usize % PARALLEL_ITEMS]
     }
 
     /// The item of a number in a list. Others that follow are asked for from memory.
     #[inline(always)]
-    pub fn item_of<S: Simd>(&self, simd: S, numbers: &[u32], at: usize) -> &'a Sorted<H> {
+    fn item_of<S: Simd>(&self, simd: S, numbers: &[u32], at: usize) -> &'a Sorted<H> {
         if let Some(&ahead) = numbers.get(at + AHEAD) {
             let chunk = self.0[(ahead >> CHUNK_BITS) as usize];
             simd.expect(chunk, ahead as usize % PARALLEL_ITEMS);
@@ -120,86 +187,159 @@ pub fn numbered<H: Hull>(parts: &[Vec<Sorted<H>>]) -> bool {
     chunks.sum::<usize>() <= (u32::MAX >> CHUNK_BITS) as usize
 }
 
-/// Splits items, which are given in parts, as far as cells are good for.
-pub fn coarse<H: Hull>(level: Level, parts: &[Vec<Sorted<H>>]) -> Coarse<'_, H> {
-    let chunks = parts.iter().flat_map(|part| part.chunks(PARALLEL_ITEMS));
-    let chunks = Chunks(chunks.collect());
-    let extent = Extent::of_all(level, &chunks.0);
-    let raster = Raster::over(&extent, chunks.len());
-    let (order, mut cells) = by_cell(level, &chunks, &raster);
+/// Splits items, which are given in parts and change places in these, as far as cells are good for.
+pub fn coarse<H: Hull>(level: Level, parts: &mut Vec<Vec<Sorted<H>>>) -> Coarse<'_, H> {
+    let count = parts.iter().map(Vec::len).sum::<usize>();
+    if count < LEAST_PART * parts.len() {
+        let all = parts.iter().map(Vec::as_slice).collect();
+        *parts = vec![hdtrapeze_pages::joined(all, |_, item| *item)];
+    }
+    let chunks: Vec<_> = chunks(parts).collect();
+    let extent = Extent::of_all(level, &chunks);
+    let raster = Raster::over(&extent, count);
+    let chunks = parts
+        .par_iter_mut()
+        .flat_map(|part| part.par_chunks_mut(PARALLEL_ITEMS));
+    let starts = chunks.map(|items| {
+        level.run(ByRegion {
+            items,
+            raster: &raster,
+        })
+    });
+    let starts: Vec<Vec<u16>> = starts.collect();
+    let chunks = Chunks(self::chunks(parts).collect());
+    let (order, mut cells) = by_cell(level, &chunks, &starts, &raster);
     let known = divide(level, &mut cells, &extent, 0);
-    let order = in_order(&cells, &order);
     Coarse {
-        chunks,
-        order,
+        listed: Listed { chunks, order },
+        cells,
         extent,
         known,
     }
 }
 
-/// The cells of a grid.
+/// Items in pieces that their numbers are made of.
+fn chunks<H: Hull>(parts: &[Vec<Sorted<H>>]) -> impl Iterator<Item = &[Sorted<H>]> {
+    parts.iter().flat_map(|part| part.chunks(PARALLEL_ITEMS))
+}
+
+/// The cells of a grid. Their numbers are in the order of a tree that halves it again and again, so that a run of them is near
+/// each other.
 struct Raster {
     places: Places,
-    /// Powers of two.
-    along: [usize; 3],
-    /// Cells of a region.
+    /// What each place along an axis adds to the number of a cell: powers of two of them.
+    numbers: [Vec<u32>; 3],
+    /// Cells of a region, which is a run of numbers.
     region: usize,
+    regions: usize,
 }
 
 impl Raster {
     fn over<H: Hull>(extent: &Extent<H>, items: usize) -> Self {
         let spans = extent.spans();
         let mut along = [1usize; 3];
+        // The axes that are halved, one after the other.
+        let mut halved = Vec::new();
         let most = (items / CELL_ITEMS).min(MOST_CELLS);
         while along.iter().product::<usize>() < most {
             // Cells become cubes.
             let size = |a: usize| spans[a] / along[a] as f32;
             let longest = (1..3).fold(0, |a, b| if size(b) > size(a) { b } else { a });
             along[longest] *= 2;
+            halved.push(longest);
         }
-        let region = along.iter().product::<usize>() / REGIONS;
+        let cells = 1usize << halved.len();
+        let region = (cells / REGIONS).clamp(*REGION_CELLS.start(), *REGION_CELLS.end());
         Self {
             places: Places::new(extent, along),
-            along,
-            region: region.clamp(*REGION_CELLS.start(), *REGION_CELLS.end()),
+            numbers: [0, 1, 2].map(|axis| numbers_along(axis, along[axis], &halved)),
+            region,
+            regions: cells.div_ceil(region),
         }
     }
 
     /// The cell of an item.
     #[inline(always)]
-    fn number<S: Simd, H: Hull>(&self, simd: S, item: &Sorted<H>) -> u32 {
-        let [nx, ny, nz] = self.along;
-        let [x, y, z] = self.places.numbers(simd, item.place(simd));
-        // Whatever rounding does, the cell exists.
-        let [x, y, z] = [x.min(nx - 1), y.min(ny - 1), z.min(nz - 1)];
-        ((z * ny + y) * nx + x) as u32
-    }
-
-    fn region_count(&self) -> usize {
-        self.along.iter().product::<usize>().div_ceil(self.region)
+    fn number<S: Simd, H: Hull>(&self, simd: S, item: &Sorted<H>) -> usize {
+        let places = self.places.numbers(simd, item.place(simd));
+        let mut number = 0;
+        for (place, numbers) in places.into_iter().zip(&self.numbers) {
+            // Whatever rounding does, the cell exists.
+            number |= numbers[place.min(numbers.len() - 1)];
+        }
+        number as usize
     }
 }
 
-/// The numbers of all items by cell, in each in their own order, and cells that hold any.
+/// What places along an axis add to the numbers of cells: the bits of the place, from the highest on, where this axis was `halved`.
+fn numbers_along(axis: usize, places: usize, halved: &[usize]) -> Vec<u32> {
+    let number = |place: usize| {
+        let (mut number, mut bits) = (0u32, places.ilog2());
+        for &other in halved {
+            number <<= 1;
+            if other == axis {
+                bits -= 1;
+                number |= (place >> bits & 1) as u32;
+            }
+        }
+        number
+    };
+    (0..places).map(number).collect()
+}
+
+/// Sorts the items of a chunk by region; returns where each begins, and all end.
+struct ByRegion<'a, H: Hull> {
+    items: &'a mut [Sorted<H>],
+    raster: &'a Raster,
+}
+
+impl<H: Hull> Kernel for ByRegion<'_, H> {
+    type Output = Vec<u16>;
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> Vec<u16> {
+        let Self { items, raster } = self;
+        let bits = raster.region.ilog2();
+        let mut counts = vec![0u16; raster.regions];
+        let mut regions = [0u16; PARALLEL_ITEMS];
+        for (item, region) in items.iter().zip(&mut regions) {
+            *region = (raster.number(simd, item) >> bits) as u16;
+            counts[usize::from(*region)] += 1;
+        }
+        let mut sum = 0;
+        let mut starts = Vec::with_capacity(raster.regions + 1);
+        for count in &mut counts {
+            starts.push(sum);
+            sum += std::mem::replace(count, sum);
+        }
+        starts.push(sum);
+        let given = items.to_vec();
+        for (item, region) in given.iter().zip(regions) {
+            let next = &mut counts[usize::from(region)];
+            items[usize::from(*next)] = *item;
+            *next += 1;
+        }
+        starts
+    }
+}
+
+/// The numbers of all items by cell, and cells that hold any.
 fn by_cell<H: Hull>(
     level: Level,
     chunks: &Chunks<'_, H>,
+    starts: &[Vec<u16>],
     raster: &Raster,
 ) -> (Vec<u32>, Vec<Cell<H>>) {
-    let groups = chunks.0.par_chunks(GROUP_CHUNKS).enumerate();
-    let groups = groups.map(|(number, group)| {
-        level.run(ByRegion {
-            first: number * GROUP_CHUNKS,
-            group,
-            raster,
-        })
-    });
-    let groups: Vec<Group> = groups.collect();
     let mut order = vec![0u32; chunks.len()];
+    hdtrapeze_pages::expect_large(&mut order);
     let (mut rest, mut first) = (&mut order[..], 0);
-    let mut regions = Vec::with_capacity(raster.region_count());
-    for number in 0..raster.region_count() {
-        let count = groups.iter().map(|group| group.region(number).len()).sum();
+    let mut regions = Vec::with_capacity(raster.regions);
+    let mut counts = vec![0; raster.regions];
+    for starts in starts {
+        for (count, ends) in counts.iter_mut().zip(starts.windows(2)) {
+            *count += usize::from(ends[1] - ends[0]);
+        }
+    }
+    for (number, count) in counts.into_iter().enumerate() {
         let (own, after) = std::mem::take(&mut rest).split_at_mut(count);
         regions.push((number, first, own));
         (rest, first) = (after, first + count as u32);
@@ -207,8 +347,8 @@ fn by_cell<H: Hull>(
     let regions = regions.into_par_iter().map(|(number, first, order)| {
         level.run(InRegion {
             chunks,
-            groups: &groups,
-            cells: raster.region,
+            starts,
+            raster,
             number,
             first,
             order,
@@ -220,78 +360,12 @@ fn by_cell<H: Hull>(
     (order, cells)
 }
 
-/// Some chunks' items, by region.
-struct Group {
-    items: Vec<Placed>,
-    /// Where each region begins, and all end.
-    starts: Vec<u32>,
-}
-
-impl Group {
-    fn region(&self, number: usize) -> &[Placed] {
-        &self.items[self.starts[number] as usize..self.starts[number + 1] as usize]
-    }
-}
-
-/// An item's number, and its cell's.
-#[derive(Clone, Copy, Default)]
-struct Placed {
-    item: u32,
-    cell: u32,
-}
-
-/// From how many there are of each: where each begins, and all end.
-fn starts(counts: impl Iterator<Item = u32>) -> Vec<u32> {
-    let mut sum = 0;
-    let mut starts: Vec<u32> = counts
-        .map(|count| {
-            sum += count;
-            sum - count
-        })
-        .collect();
-    starts.push(sum);
-    starts
-}
-
-struct ByRegion<'a, H: Hull> {
-    /// The first chunk's number.
-    first: usize,
-    group: &'a [&'a [Sorted<H>]],
-    raster: &'a Raster,
-}
-
-impl<H: Hull> Kernel for ByRegion<'_, H> {
-    type Output = Group;
-    #[inline(always)]
-    fn run<S: Simd>(self, simd: S) -> Group {
-        let count = self.group.iter().map(|chunk| chunk.len()).sum();
-        let mut given = Vec::with_capacity(count);
-        let bits = self.raster.region.ilog2();
-        let mut counts = vec![0u32; self.raster.region_count()];
-        for (chunk, items) in (self.first as u32..).zip(self.group) {
-            for (item, own) in (chunk << CHUNK_BITS..).zip(*items) {
-                let cell = self.raster.number(simd, own);
-                counts[(cell >> bits) as usize] += 1;
-                given.push(Placed { item, cell });
-            }
-        }
-        let starts = starts(counts.into_iter());
-        let mut next = starts.clone();
-        let mut items = vec![Placed::default(); count];
-        for placed in given {
-            let at = &mut next[(placed.cell >> bits) as usize];
-            items[*at as usize] = placed;
-            *at += 1;
-        }
-        Group { items, starts }
-    }
-}
-
+/// Sorts the items of a region by cell.
 struct InRegion<'a, H: Hull> {
     chunks: &'a Chunks<'a, H>,
-    groups: &'a [Group],
-    /// Cells of a region.
-    cells: usize,
+    /// Where regions begin in each chunk.
+    starts: &'a [Vec<u16>],
+    raster: &'a Raster,
     number: usize,
     /// Items of regions before it.
     first: u32,
@@ -299,68 +373,68 @@ struct InRegion<'a, H: Hull> {
     order: &'a mut [u32],
 }
 
-impl<H: Hull> Kernel for InRegion<'_, H> {
-    type Output = Vec<Cell<H>>;
+impl<H: Hull> InRegion<'_, H> {
+    /// Asks for its items in a chunk from memory.
     #[inline(always)]
-    fn run<S: Simd>(self, simd: S) -> Vec<Cell<H>> {
-        let Self { chunks, order, .. } = self;
-        let items = || {
-            self.groups
-                .iter()
-                .flat_map(|group| group.region(self.number))
-        };
-        let mut counts = vec![0u32; self.cells];
-        for placed in items() {
-            counts[placed.cell as usize & (self.cells - 1)] += 1;
-        }
-        let filled = counts.iter().filter(|&&count| count > 0).count();
-        let starts = starts(counts.into_iter());
-        let mut next = starts.clone();
-        for placed in items() {
-            let at = &mut next[placed.cell as usize & (self.cells - 1)];
-            order[*at as usize] = placed.item;
-            *at += 1;
-        }
-        let mut cells = Vec::with_capacity(filled);
-        for ends in starts.windows(2).filter(|ends| ends[0] < ends[1]) {
-            let mut bounds = H::EMPTY.load(simd);
-            let mut centres = simd.all8(f32::INFINITY);
-            for at in ends[0] as usize..ends[1] as usize {
-                let item = chunks.item_of(simd, order, at);
-                bounds = H::union::<S>(item.bounds.load(simd), bounds);
-                centres = item.centres(simd).min(centres);
+    fn expect<S: Simd>(&self, simd: S, chunk: usize) {
+        if let (Some(items), Some(starts)) = (self.chunks.0.get(chunk), self.starts.get(chunk)) {
+            let own = starts[self.number].into()..starts[self.number + 1].into();
+            for item in own.step_by(LINE.div_ceil(size_of::<Sorted<H>>())) {
+                simd.expect(items, item);
             }
-            cells.push(Cell {
-                extent: Extent::around::<S>(bounds, centres),
-                first: self.first + ends[0],
-                count: ends[1] - ends[0],
-            });
         }
-        cells
+    }
+
+    /// Its items in each chunk, and the number of the first.
+    fn items(&self) -> impl Iterator<Item = (u32, &[Sorted<H>])> {
+        let all = (0u32..).zip(&self.chunks.0).zip(self.starts);
+        all.map(|((chunk, items), starts)| {
+            let [start, end] = [starts[self.number], starts[self.number + 1]];
+            let items = &items[usize::from(start)..usize::from(end)];
+            (chunk << CHUNK_BITS | u32::from(start), items)
+        })
     }
 }
 
-/// The numbers of items in the order of their cells.
-fn in_order<H: Hull>(cells: &[Cell<H>], by_cell: &[u32]) -> Vec<u32> {
-    let mut order = vec![0u32; by_cell.len()];
-    let mut rest = &mut order[..];
-    let counts = cells.par_chunks(PARALLEL_ITEMS);
-    let counts = counts.map(|cells| cells.iter().map(|cell| cell.count as usize).sum());
-    let counts: Vec<usize> = counts.collect();
-    let mut parts = Vec::with_capacity(counts.len());
-    for (count, cells) in counts.into_iter().zip(cells.chunks(PARALLEL_ITEMS)) {
-        let (own, after) = std::mem::take(&mut rest).split_at_mut(count);
-        parts.push((own, cells));
-        rest = after;
-    }
-    parts.into_par_iter().for_each(|(mut order, cells)| {
-        for cell in cells {
-            let (own, after) = std::mem::take(&mut order).split_at_mut(cell.count as usize);
-            own.copy_from_slice(&by_cell[cell.first as usize..][..own.len()]);
-            order = after;
+impl<H: Hull> Kernel for InRegion<'_, H> {
+    type Output = Vec<Cell<H>>;
+    #[inline(always)]
+    fn run<S: Simd>(mut self, simd: S) -> Vec<Cell<H>> {
+        let order = std::mem::take(&mut self.order);
+        let mut cells = vec![Cell::<H>::EMPTY; self.raster.region];
+        let mut numbers = Vec::with_capacity(order.len());
+        for (chunk, (_, items)) in self.items().enumerate() {
+            self.expect(simd, chunk + CHUNKS_AHEAD);
+            for item in items {
+                let number = self.raster.number(simd, item) % self.raster.region;
+                let cell = &mut cells[number];
+                let extent = &cell.extent;
+                let bounds = H::union::<S>(item.bounds.load(simd), extent.bounds.load(simd));
+                let centres = item.centres(simd).min(extent.centres(simd));
+                cell.extent = Extent::around::<S>(bounds, centres);
+                cell.count += 1;
+                numbers.push(number as u16);
+            }
         }
-    });
-    order
+        let mut sum = 0;
+        for cell in &mut cells {
+            cell.first = sum;
+            sum += cell.count;
+        }
+        let mut number = numbers.into_iter();
+        for (first, items) in self.items() {
+            for (item, number) in (first..).zip(number.by_ref().take(items.len())) {
+                let next = &mut cells[usize::from(number)].first;
+                order[*next as usize] = item;
+                *next += 1;
+            }
+        }
+        cells.retain(|cell| cell.count > 0);
+        for cell in &mut cells {
+            cell.first = cell.first - cell.count + self.first;
+        }
+        cells
+    }
 }
 
 fn divide<H: Hull>(
@@ -381,6 +455,7 @@ fn divide<H: Hull>(
     );
     Some(Box::new(Known {
         halves,
+        cells: middle,
         below: below.into(),
     }))
 }
@@ -443,14 +518,16 @@ mod tests {
     }
 
     fn keeps<H: Hull>(slab: Vec3) {
-        // Several groups of chunks and many regions of cells.
-        let count = 4 * (GROUP_CHUNKS * PARALLEL_ITEMS) as u32 + 5;
+        // Many regions of cells.
+        let count = 64 * PARALLEL_ITEMS as u32 + 5;
         for level in Level::available() {
-            let parts = parts::<H>(count, slab);
-            let coarse = coarse(level, &parts);
+            let mut parts = parts::<H>(count, slab);
+            let coarse = coarse(level, &mut parts);
             let known = coarse.known.as_deref().expect("many cells");
-            let items = coarse.order.iter().map(|&i| *coarse.chunks.item(i));
-            let items: Vec<Sorted<H>> = items.collect();
+            let items = coarse.listed.copied(level, &coarse.cells, count as usize);
+            assert_eq!(items.len(), count as usize);
+            let first = coarse.listed.first(&coarse.cells).map(Sorted::id);
+            assert_eq!(first, Some(items[0].id()));
             let splits = check(&items, known);
             assert!(splits > 10, "{splits}");
             let mut ids: Vec<u32> = items.iter().map(Sorted::id).collect();
@@ -468,6 +545,42 @@ mod tests {
     }
 
     #[test]
+    fn small_parts_are_joined_in_their_order() {
+        let count = 8 * COARSE_ITEMS as u32 + 3;
+        let items = parts::<StaticHull>(count, Vec3::ONE).concat();
+        let mut small: Vec<Vec<_>> = items.chunks(50).map(<[_]>::to_vec).collect();
+        let level = Level::best();
+        let [a, b] = [&mut small, &mut vec![items]].map(|parts| {
+            let coarse = coarse(level, parts);
+            let items = coarse.listed.copied(level, &coarse.cells, count as usize);
+            items.iter().map(Sorted::id).collect::<Vec<u32>>()
+        });
+        assert!(a == b && small.len() == 1);
+    }
+
+    #[test]
+    fn a_run_of_cells_is_near_each_other() {
+        let halved = [0, 2, 0, 1, 0, 2, 1];
+        let numbers = [(0, 8), (1, 4), (2, 4)].map(|(axis, n)| numbers_along(axis, n, &halved));
+        let mut places = vec![None; 128];
+        for (x, y, z) in (0..8).flat_map(|x| (0..16).map(move |yz| (x, yz % 4, yz / 4))) {
+            let number = numbers[0][x] | numbers[1][y] | numbers[2][z];
+            assert_eq!(places[number as usize].replace([x, y, z]), None);
+        }
+        // The last halvings are within a run.
+        for (run, size) in [(8, [2, 2, 2]), (16, [2, 4, 2]), (64, [4, 4, 4])] {
+            for places in places.chunks(run) {
+                for (axis, size) in size.into_iter().enumerate() {
+                    let of = |place: &Option<[usize; 3]>| place.expect("each has one")[axis];
+                    let least = places.iter().map(of).min();
+                    let most = places.iter().map(of).max();
+                    assert_eq!(most.zip(least).map(|(a, b)| a - b + 1), Some(size), "{run}");
+                }
+            }
+        }
+    }
+
+    #[test]
     fn what_lies_in_one_cell_is_not_split() {
         let same = |parts: Vec<Vec<Sorted<StaticHull>>>| {
             let one = parts[0][0];
@@ -476,8 +589,8 @@ mod tests {
                 .map(|part| vec![one; part.len()])
                 .collect::<Vec<_>>()
         };
-        let parts = same(parts(COARSE_ITEMS as u32, Vec3::ONE));
-        let coarse = coarse(Level::best(), &parts);
-        assert!(coarse.known.is_none() && coarse.order.len() == COARSE_ITEMS);
+        let mut parts = same(parts(COARSE_ITEMS as u32, Vec3::ONE));
+        let coarse = coarse(Level::best(), &mut parts);
+        assert!(coarse.known.is_none() && coarse.cells.len() == 1);
     }
 }

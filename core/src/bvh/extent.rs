@@ -16,7 +16,8 @@ pub struct Extent<H> {
 }
 
 impl<H: Hull> Extent<H> {
-    const EMPTY: Self = Self {
+    /// Of nothing.
+    pub const EMPTY: Self = Self {
         bounds: H::EMPTY,
         centres: [f32::INFINITY; 8],
     };

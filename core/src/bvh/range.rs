@@ -1,11 +1,10 @@
 //! Ranges of items while a tree is built: each becomes a child of a node.
 
 use arrayvec::ArrayVec;
-use hdtrapeze_simd::{Kernel, Level, Scalar, Simd};
-use rayon::prelude::*;
+use hdtrapeze_simd::{Level, Scalar};
 
-use super::build::{Nodes, PARALLEL_ITEMS};
-use super::coarse::{Chunks, Known};
+use super::build::Nodes;
+use super::coarse::{Cell, Known, Listed};
 use super::extent::Extent;
 use super::sorted::{Hull, Sorted};
 use super::split::split;
@@ -16,18 +15,18 @@ pub enum Items<'a, H: Hull> {
     There(&'a mut [Sorted<H>]),
     /// The same, by themselves.
     Own(Vec<Sorted<H>>),
-    /// By their numbers, in the order of splits that are known: as long as these last, items are copied only when a thread comes to
+    /// So many in cells, in the order of splits that are known: as long as these last, items are copied only when a thread comes to
     /// as many as its caches hold.
-    Numbered(&'a [u32], &'a Chunks<'a, H>),
+    InCells(usize, &'a [Cell<H>], &'a Listed<'a, H>),
 }
 
-impl<'a, H: Hull> Items<'a, H> {
+impl<H: Hull> Items<'_, H> {
     /// How many they are.
     pub fn len(&self) -> usize {
         match self {
             Self::There(items) => items.len(),
             Self::Own(items) => items.len(),
-            Self::Numbered(numbers, _) => numbers.len(),
+            Self::InCells(count, ..) => *count,
         }
     }
 
@@ -36,32 +35,24 @@ impl<'a, H: Hull> Items<'a, H> {
         match self {
             Self::There(items) => items.first(),
             Self::Own(items) => items.first(),
-            Self::Numbered(numbers, chunks) => numbers.first().map(|&number| chunks.item(number)),
+            Self::InCells(_, cells, listed) => listed.first(cells),
         }
     }
 
     /// All of them side by side, so that they may change places.
     pub fn side_by_side(&mut self) -> &mut [Sorted<H>] {
-        if let Self::Numbered(numbers, chunks) = self {
-            *self = Self::Own(if numbers.len() > PARALLEL_ITEMS {
-                let item = |&i: &u32| *chunks.item(i);
-                let mut items = Vec::new();
-                hdtrapeze_pages::reserve(&mut items, numbers.len());
-                numbers.par_iter().map(item).collect_into_vec(&mut items);
-                items
-            } else {
-                Level::best().run(Copied { numbers, chunks })
-            });
+        if let Self::InCells(count, cells, listed) = self {
+            *self = Self::Own(listed.copied(Level::best(), cells, *count));
         }
         match self {
             Self::There(items) => items,
             Self::Own(items) => items,
-            Self::Numbered(..) => &mut [],
+            Self::InCells(..) => &mut [],
         }
     }
 
-    /// The first `middle`, and the others.
-    fn split_at(self, middle: usize) -> [Self; 2] {
+    /// The first `middle`, in as many `cells` where they are in such, and the others.
+    fn split_at(self, middle: usize, cells: usize) -> [Self; 2] {
         match self {
             Self::There(items) => {
                 let (left, right) = items.split_at_mut(middle);
@@ -71,27 +62,14 @@ impl<'a, H: Hull> Items<'a, H> {
                 let right = items.split_off(middle);
                 [Self::Own(items), Self::Own(right)]
             }
-            Self::Numbered(numbers, chunks) => {
-                let (left, right) = numbers.split_at(middle);
-                [Self::Numbered(left, chunks), Self::Numbered(right, chunks)]
+            Self::InCells(count, all, listed) => {
+                let (left, right) = all.split_at(cells);
+                [
+                    Self::InCells(middle, left, listed),
+                    Self::InCells(count - middle, right, listed),
+                ]
             }
         }
-    }
-}
-
-/// Items by their numbers.
-struct Copied<'a, H: Hull> {
-    numbers: &'a [u32],
-    chunks: &'a Chunks<'a, H>,
-}
-
-impl<H: Hull> Kernel for Copied<'_, H> {
-    type Output = Vec<Sorted<H>>;
-    #[inline(always)]
-    fn run<S: Simd>(self, simd: S) -> Vec<Sorted<H>> {
-        let Self { numbers, chunks } = self;
-        let item = |at| *chunks.item_of(simd, numbers, at);
-        (0..numbers.len()).map(item).collect()
     }
 }
 
@@ -138,9 +116,10 @@ impl<'a, H: Hull> Range<'a, H> {
             Some(known) => known.halves,
             None => split(level, self.items.side_by_side(), &self.extent, kind, depth),
         };
+        let cells = self.known.map_or(0, |known| known.cells);
         let known = |side: usize| self.known.and_then(|known| known.below[side].as_deref());
         let [a, b] = halves.extents;
-        let [left, right] = self.items.split_at(halves.middle);
+        let [left, right] = self.items.split_at(halves.middle, cells);
         [
             Range::new(left, a, known(0)),
             Range::new(right, b, known(1)),
