@@ -91,23 +91,17 @@ pub fn bound_whole<B: Bounds8>(
     }
 }
 
-/// Groups that the tree refers to itself: their boxes, and diagonals of these.
-pub type Loose = ([LinearBox; GROUPS], [Diagonal; GROUPS]);
+/// Boxes of groups, and diagonals of these.
+pub type InFrame = ([LinearBox; GROUPS], [Diagonal; GROUPS]);
 
 /// Axis-aligned bounds of 1 to [`GROUPS`] of the [loose groups](loose) of a grid that [is bounded](is_bounded), given their
-/// numbers. Of a strip diagonals besides, given the directions that its groups run in at both ends of the shutter.
-/// None where bounds are beyond [`COORDINATE_LIMIT`].
+/// numbers. None where bounds are beyond [`COORDINATE_LIMIT`].
 pub fn bound_loose(
     level: Level,
     rows: &GridRows<'_>,
     slots: Range<u32>,
-    directions: Option<&[[Vec3; 2]; GROUPS]>,
-) -> Option<Loose> {
-    level.run(BoundLoose {
-        rows,
-        slots,
-        directions,
-    })
+) -> Option<[LinearBox; GROUPS]> {
+    level.run(BoundLoose { rows, slots })
 }
 
 /// Bounds in a frame of 1 to [`GROUPS`] groups of grids whose vertices are finite and within
@@ -118,7 +112,7 @@ pub fn bound_groups<T: Turning>(
     mesh: &PlanarMesh,
     groups: &[(u32, CellRect, [Vec3; 2])],
     frame: &T,
-) -> Loose {
+) -> InFrame {
     level.run(BoundGroups {
         mesh,
         groups,
@@ -224,10 +218,10 @@ struct BoundGroups<'a, T> {
 }
 
 impl<T: Turning> Kernel for BoundGroups<'_, T> {
-    type Output = Loose;
+    type Output = InFrame;
 
     #[inline(always)]
-    fn run<S: Simd>(self, simd: S) -> Loose {
+    fn run<S: Simd>(self, simd: S) -> InFrame {
         let turns = T::TURNS && self.frame.turn().turns();
         let frame = self.frame.start();
         let mut directions = [[Vec3::ZERO; 2]; GROUPS];
@@ -288,14 +282,13 @@ fn with_radii(radii: [f32; GROUPS], down: [[u32; 3]; 2]) -> [Diagonal; GROUPS] {
 struct BoundLoose<'a> {
     rows: &'a GridRows<'a>,
     slots: Range<u32>,
-    directions: Option<&'a [[Vec3; 2]; GROUPS]>,
 }
 
 impl Kernel for BoundLoose<'_> {
-    type Output = Option<Loose>;
+    type Output = Option<[LinearBox; GROUPS]>;
 
     #[inline(always)]
-    fn run<S: Simd>(self, simd: S) -> Option<Loose> {
+    fn run<S: Simd>(self, simd: S) -> Option<[LinearBox; GROUPS]> {
         let grid: &Grid = &self.rows.grid;
         let mut groups = Groups::default();
         let count = self.slots.len();
@@ -313,16 +306,7 @@ impl Kernel for BoundLoose<'_> {
         let hull = found.hull();
         // Bounds at inner keys may have raised them.
         let sound = hull.is_finite() && hull.max_abs() < COORDINATE_LIMIT;
-        if !sound {
-            return None;
-        }
-        let mut diagonals = [Diagonal::NONE; GROUPS];
-        if let Some(directions) = self.directions {
-            let down = down(directions);
-            let radii = radii(simd, vertices, &groups, &found, down, None);
-            diagonals = with_radii(radii.to_array(), down);
-        }
-        Some((found.to_boxes(), diagonals))
+        sound.then(|| found.to_boxes())
     }
 }
 

@@ -28,7 +28,7 @@ pub fn items<B: Bounds8>(mesh: &PlanarMesh, g: usize) -> Option<Items<B>> {
     if (block::is_small(grid) || block::is_strip(grid)) && number < LOOSE_GRIDS {
         let slots = block::loose_slots(grid, false);
         let count = slots.len();
-        let (boxes, _) = bound_loose(level, &rows, slots, None)?;
+        let boxes = bound_loose(level, &rows, slots)?;
         return Some(Items::Loose(boxes[..count].to_vec()));
     }
     let spans = block::cut(number, grid);

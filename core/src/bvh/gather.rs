@@ -10,15 +10,14 @@
 
 use std::ops::Range;
 
-use glam::Vec3;
 use hdtrapeze_simd::Level;
 
 use super::block::{self, Block, GROUPS, Span};
 use super::bound::{Bounded, bound, bound_loose, is_bounded};
 use super::build::Item;
 use super::object::{LOOSE_GRIDS, loose_item};
-use super::orient::Piece;
 use super::sorted::Sorted;
+use super::strip8;
 use super::thin::are_thin;
 use super::turn::Turning;
 use super::{Bounds8, LinearBox};
@@ -84,41 +83,42 @@ impl<B: Bounds8> Part<B> {
         }
     }
 
-    /// Adds loose groups of a grid, unless blocks are better for it; none where a bound cannot be traced.
-    fn add_loose(
+    /// Adds a grid that is a loose group; none where a bound cannot be traced.
+    fn add_small(&mut self, level: Level, g: u32, rows: &GridRows<'_>) -> Option<()> {
+        let [bounds, ..] = bound_loose(level, rows, 0..1)?;
+        let id = loose_item(g, 0);
+        self.items.push(Sorted::of(&Item { bounds, id }));
+        self.bounds = self.bounds.union(&bounds);
+        Some(())
+    }
+
+    /// Adds the loose groups of a strip, unless blocks are better for it; none where a bound cannot be traced.
+    fn add_strip(
         &mut self,
         level: Level,
         g: u32,
         rows: &GridRows<'_>,
         slots: Range<u32>,
     ) -> Option<bool> {
-        let small = block::is_small(&rows.grid);
         let before = self.items.len();
         let (mut whole, mut area) = (LinearBox::EMPTY, 0.0);
         let mut rest = slots.clone();
         while !rest.is_empty() {
             let some = rest.start..rest.end.min(rest.start + GROUPS as u32);
             rest.start = some.end;
-            let edges = (!small).then(|| edges(rows, some.clone()));
-            let Some((boxes, diagonals)) = bound_loose(level, rows, some.clone(), edges.as_ref())
-            else {
+            let Some(parts) = strip8::parts(level, g, rows, some) else {
                 self.items.truncate(before);
                 return None;
             };
-            for (i, slot) in some.enumerate() {
-                let bounds = boxes[i];
-                whole = whole.union(&bounds);
-                area += bounds.mean_half_area();
-                let id = loose_item(g, slot);
-                let item = Sorted::along(&Item { bounds, id }, diagonals[i]);
-                self.items.push(item);
-            }
+            whole = whole.union(&parts.bounds);
+            area += parts.area;
+            self.items.extend_from_slice(parts.items());
         }
-        if !small && area >= LOOSE_SHARE * whole.mean_half_area() {
+        if area >= LOOSE_SHARE * whole.mean_half_area() {
             self.items.truncate(before);
             return Some(false);
         }
-        self.strips += if small { 0 } else { slots.len() };
+        self.strips += slots.len();
         self.bounds = self.bounds.union(&whole);
         Some(true)
     }
@@ -137,10 +137,12 @@ impl<B: Bounds8> Part<B> {
             return None;
         }
         let grid = &rows.grid;
-        let small = block::is_small(grid);
-        if (small || block::is_strip(grid)) && g < LOOSE_GRIDS {
+        if block::is_small(grid) && g < LOOSE_GRIDS {
+            return self.add_small(level, g, rows);
+        }
+        if block::is_strip(grid) && g < LOOSE_GRIDS {
             let slots = block::loose_slots(grid, singles);
-            if self.add_loose(level, g, rows, slots)? {
+            if self.add_strip(level, g, rows, slots)? {
                 return Some(());
             }
         }
@@ -181,19 +183,6 @@ impl<B: Bounds8> Part<B> {
         }
         Some(())
     }
-}
-
-/// From end to end of some of a strip's groups, at both ends of the shutter.
-fn edges(rows: &GridRows<'_>, slots: Range<u32>) -> [[Vec3; 2]; GROUPS] {
-    let mut edges = [[Vec3::ZERO; 2]; GROUPS];
-    let last = rows.key_times.len() - 1;
-    for (slot, edges) in slots.zip(&mut edges) {
-        let rect = block::loose(&rows.grid, slot);
-        let edge = |k| Piece::of(rows, rect, k).edge;
-        let start = edge(0);
-        *edges = [start, if last > 0 { edge(last) } else { start }];
-    }
-    edges
 }
 
 /// All blocks, and what the tree is built over.

@@ -14,7 +14,7 @@ use super::{Frame, ROTATION_PAD, ROTATION_TINY};
 use crate::grid::Grid;
 
 /// Rows of vertices of a group, at most.
-const ROWS: usize = GROUP.1 + 1;
+pub(super) const ROWS: usize = GROUP.1 + 1;
 const _: () = assert!(GROUP.0 == 4 && GROUPS == 8);
 
 /// Where the vertices of up to 8 groups are.
@@ -104,6 +104,19 @@ pub struct Vertices<'a> {
     pub one_grid: bool,
 }
 
+impl<'a> Vertices<'a> {
+    /// Of the keys that count.
+    #[inline(always)]
+    pub(super) fn key_times(self) -> &'a [f32] {
+        // Known when this is compiled, so that nothing is computed twice.
+        if self.moving {
+            self.key_times
+        } else {
+            &self.key_times[..1]
+        }
+    }
+}
+
 /// Bounds over the shutter, in a frame or axis-aligned.
 #[inline(always)]
 pub fn boxes<S: Simd>(
@@ -112,21 +125,53 @@ pub fn boxes<S: Simd>(
     groups: &Groups,
     frame: Option<&Frame>,
 ) -> Boxes8<S::F8> {
-    let start = ranges(simd, vertices, groups, Of::Key(0), frame);
-    // Known when this is compiled, so that nothing is computed twice.
-    if !vertices.moving {
+    let keyed = InGroups {
+        vertices,
+        groups,
+        frame,
+    };
+    over_shutter(simd, vertices.key_times(), &keyed)
+}
+
+/// What has ranges of coordinates at keys.
+pub(super) trait Keyed<S: Simd> {
+    /// At a key. Give it `#[inline(always)]`.
+    fn ranges(&self, simd: S, key: usize) -> Ranges8<S::F8>;
+}
+
+struct InGroups<'a> {
+    vertices: Vertices<'a>,
+    groups: &'a Groups,
+    frame: Option<&'a Frame>,
+}
+
+impl<S: Simd> Keyed<S> for InGroups<'_> {
+    #[inline(always)]
+    fn ranges(&self, simd: S, key: usize) -> Ranges8<S::F8> {
+        ranges(simd, self.vertices, self.groups, Of::Key(key), self.frame)
+    }
+}
+
+/// Bounds over the shutter.
+#[inline(always)]
+pub(super) fn over_shutter<S: Simd>(
+    simd: S,
+    key_times: &[f32],
+    keyed: &impl Keyed<S>,
+) -> Boxes8<S::F8> {
+    let start = keyed.ranges(simd, 0);
+    let last = key_times.len() - 1;
+    if last == 0 {
         return Boxes8 { start, end: start };
     }
-    let key_times = vertices.key_times;
-    let last = key_times.len() - 1;
-    let end = ranges(simd, vertices, groups, Of::Key(last), frame);
+    let end = keyed.ranges(simd, last);
     let found = Boxes8 { start, end };
     if last < 2 {
         return found;
     }
     let mut raised = found.to_boxes();
     for (k, &time) in key_times.iter().enumerate().take(last).skip(1) {
-        let (lo, hi) = ranges(simd, vertices, groups, Of::Key(k), frame).to_vectors();
+        let (lo, hi) = keyed.ranges(simd, k).to_vectors();
         for (slot, b) in raised.iter_mut().enumerate() {
             b.raise(time, lo[slot], hi[slot]);
         }

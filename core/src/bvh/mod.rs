@@ -55,6 +55,7 @@ mod range;
 pub mod relative;
 pub mod sorted;
 mod split;
+mod strip8;
 mod thin;
 pub mod turn;
 

@@ -33,6 +33,13 @@ pub trait Hull: Clone + Copy + Send + Sync {
     fn of_item(self, id: u32) -> Self;
     /// The number of the item that it is of.
     fn id(&self) -> u32;
+    /// 8 boxes of items of these numbers, each along a diagonal, [in numbers](Diagonal::to_numbers).
+    fn of8<S: Simd>(
+        simd: S,
+        boxes: &Boxes8<S::F8>,
+        diagonals: &[[f32; 8]; 2],
+        ids: [u32; 8],
+    ) -> [Self; 8];
     /// Into registers.
     fn load<S: Simd>(&self, simd: S) -> Self::In<S>;
     /// Out of them.
@@ -107,6 +114,26 @@ impl StaticHull {
     fn of_item(mut self, id: u32) -> Self {
         self.0[7] = code(id);
         self
+    }
+
+    /// 8 boxes, with the numbers of diagonals and items.
+    #[inline(always)]
+    fn of_ranges<S: Simd>(
+        simd: S,
+        lo: [S::F8; 3],
+        hi: [S::F8; 3],
+        diagonals: &[f32; 8],
+        ids: [u32; 8],
+    ) -> [Self; 8] {
+        let (diagonals, ids) = (simd.from8(diagonals), simd.from8(&ids.map(code)));
+        let [x, y, z] = lo;
+        let [u, v, w] = hi;
+        let rows = simd.transposed([x, y, z, -diagonals, -u, -v, -w, ids]);
+        let mut hulls = [Self([0.0; 8]); 8];
+        for i in 0..8 {
+            hulls[i] = Self(rows[i].to_array());
+        }
+        hulls
     }
 
     /// From corner to corner.
@@ -195,6 +222,20 @@ impl Hull for StaticHull {
         decode(self.0[7])
     }
     #[inline(always)]
+    fn of8<S: Simd>(
+        simd: S,
+        Boxes8 { start, end }: &Boxes8<S::F8>,
+        [diagonals, _]: &[[f32; 8]; 2],
+        ids: [u32; 8],
+    ) -> [Self; 8] {
+        let (mut lo, mut hi) = (start.lo, start.hi);
+        for axis in 0..3 {
+            lo[axis] = lo[axis].min(end.lo[axis]);
+            hi[axis] = hi[axis].max(end.hi[axis]);
+        }
+        Self::of_ranges(simd, lo, hi, diagonals, ids)
+    }
+    #[inline(always)]
     fn load<S: Simd>(&self, simd: S) -> S::F8 {
         simd.from8(&self.0)
     }
@@ -278,6 +319,22 @@ impl Hull for LinearHull {
     #[inline(always)]
     fn id(&self) -> u32 {
         self.start.id()
+    }
+    #[inline(always)]
+    fn of8<S: Simd>(
+        simd: S,
+        Boxes8 { start, end }: &Boxes8<S::F8>,
+        diagonals: &[[f32; 8]; 2],
+        ids: [u32; 8],
+    ) -> [Self; 8] {
+        let start = StaticHull::of_ranges(simd, start.lo, start.hi, &diagonals[0], ids);
+        let end = StaticHull::of_ranges(simd, end.lo, end.hi, &diagonals[1], [0; 8]);
+        let mut hulls = [Self::EMPTY; 8];
+        for i in 0..8 {
+            let (start, end) = (start[i], end[i]);
+            hulls[i] = Self { start, end };
+        }
+        hulls
     }
     #[inline(always)]
     fn load<S: Simd>(&self, simd: S) -> [S::F8; 2] {
