@@ -80,12 +80,14 @@ impl Places {
 
 /// How many items are in bins on each axis, of which there are multiples of 8.
 pub trait Counts: Copy + Send {
+    /// Bins there may be.
+    const BINS: usize;
     /// Nothing is in any.
     const NONE: Self;
     /// More items in a bin.
     fn add(&mut self, axis: usize, bin: usize, count: u32);
-    /// Items in all bins up to each of 8, the first of which is number `8 part`.
-    fn up_to<S: Simd>(&self, simd: S, axis: usize, part: usize) -> S::F8;
+    /// Items in all bins up to each of 8, the first of which is number `8 part`, and those in the bins beyond it.
+    fn sides<S: Simd>(&self, simd: S, axis: usize, part: usize) -> [S::F8; 2];
     /// Items in all bins below one.
     fn below(&self, axis: usize, bin: usize) -> usize;
 }
@@ -94,21 +96,25 @@ pub trait Counts: Copy + Send {
 pub type Many<const N: usize> = [[u32; N]; 3];
 
 impl<const N: usize> Counts for Many<N> {
+    const BINS: usize = N;
     const NONE: Self = [[0; N]; 3];
     #[inline(always)]
     fn add(&mut self, axis: usize, bin: usize, count: u32) {
         self[axis][bin] += count;
     }
     #[inline(always)]
-    fn up_to<S: Simd>(&self, simd: S, axis: usize, part: usize) -> S::F8 {
+    fn sides<S: Simd>(&self, simd: S, axis: usize, part: usize) -> [S::F8; 2] {
         let (before, own) = self[axis].split_at(8 * part);
         let mut sum = before.iter().sum::<u32>();
-        let mut sums = [0.0; 8];
-        for (to, count) in sums.iter_mut().zip(own) {
+        // In whole numbers: of more than 2^24 items, a few would be none in f32.
+        let mut rest = own.iter().sum::<u32>();
+        let (mut sums, mut rests) = ([0.0; 8], [0.0; 8]);
+        for ((to, beyond), count) in sums.iter_mut().zip(&mut rests).zip(own) {
             sum += count;
-            *to = sum as f32;
+            rest -= count;
+            (*to, *beyond) = (sum as f32, rest as f32);
         }
-        simd.from8(&sums)
+        [simd.from8(&sums), simd.from8(&rests)]
     }
     #[inline(always)]
     fn below(&self, axis: usize, bin: usize) -> usize {
@@ -133,14 +139,18 @@ impl Few {
 }
 
 impl Counts for Few {
+    const BINS: usize = 8;
     const NONE: Self = Self([0; 3]);
     #[inline(always)]
     fn add(&mut self, axis: usize, bin: usize, count: u32) {
+        debug_assert!(self.below(axis, 8) + count as usize <= Self::MOST);
         self.0[axis] += u64::from(count) << (8 * (bin % 8));
     }
     #[inline(always)]
-    fn up_to<S: Simd>(&self, simd: S, axis: usize, _: usize) -> S::F8 {
-        simd.bytes8(&self.sums(axis))
+    fn sides<S: Simd>(&self, simd: S, axis: usize, _: usize) -> [S::F8; 2] {
+        let sums = self.sums(axis);
+        let up_to = simd.bytes8(&sums);
+        [up_to, simd.all8(f32::from(sums[7])) - up_to]
     }
     #[inline(always)]
     fn below(&self, axis: usize, bin: usize) -> usize {
@@ -217,6 +227,9 @@ pub fn cheapest<S: Simd, H: Hull, C: Counts, const N: usize>(
     filled: &Filled<H, C, N>,
     places: &Places,
 ) -> Option<Plane<H>> {
+    const {
+        assert!(N.is_multiple_of(8) && N <= C::BINS);
+    }
     let Filled { bounds, counts } = filled;
     let mut best: Option<(usize, usize, f32)> = None;
     for axis in (0..3).filter(|&axis| places.has_several(axis)) {
@@ -232,10 +245,8 @@ pub fn cheapest<S: Simd, H: Hull, C: Counts, const N: usize>(
             side = H::union::<S>(side, bounds[axis][i].load(simd));
             high[i - 1] = side;
         }
-        let all = simd.all8(counts.below(axis, N) as f32);
         for part in 0..N / 8 {
-            let count = counts.up_to(simd, axis, part);
-            let rest = all - count;
+            let [count, rest] = counts.sides(simd, axis, part);
             let (low, high) = (eight(&low, part), eight(&high, part));
             let cost = H::areas(simd, low) * count + H::areas(simd, high) * rest;
             let zero = simd.all8(0.0);
@@ -384,10 +395,41 @@ mod tests {
                 assert!(check::<H, Many<8>, 8>(&items));
                 assert!(check::<H, Many<16>, 16>(&items));
             }
-            let same = items::<H>(50, slab, 1);
+            // The last plane, beyond which is one far item.
+            let mut items = items::<H>(60, slab * 0.1, 0);
+            items.extend(self::items::<H>(61, slab * 20.0, 0).last());
+            assert!(check::<H, Few, 8>(&items));
+            assert!(check::<H, Many<16>, 16>(&items));
+            let same = self::items::<H>(50, slab, 1);
             assert!(!check::<H, Few, 8>(&same));
             assert!(!check::<H, Many<16>, 16>(&same));
-            assert!(check::<H, Many<16>, 16>(&items::<H>(3000, slab, 0)));
+            assert!(check::<H, Many<16>, 16>(&self::items::<H>(3000, slab, 0)));
+        }
+    }
+
+    /// All bins but the last hold so many that one more makes no difference in f32.
+    struct OneApart;
+
+    impl hdtrapeze_simd::Kernel for OneApart {
+        type Output = ();
+        #[inline(always)]
+        fn run<S: Simd>(self, simd: S) {
+            let item = items::<StaticHull>(1, Vec3::ONE, 0)[0];
+            let far = items::<StaticHull>(1, Vec3::splat(9.0), 0)[0];
+            let places = Places::new(&Extent::of(Level::SCALAR, &[item, far]), [16; 3]);
+            let mut filled = Filled::<StaticHull, Many<16>, 16>::with(simd, &[item, far], &places);
+            for axis in 0..3 {
+                filled.counts.add(axis, 0, 20_000_000);
+            }
+            let plane = cheapest(simd, &filled, &places).expect("one item is far");
+            assert_eq!(plane.left, 20_000_001);
+        }
+    }
+
+    #[test]
+    fn one_item_of_many_is_not_rounded_away() {
+        for level in Level::available() {
+            level.run(OneApart);
         }
     }
 

@@ -88,9 +88,9 @@ impl<'a, H: Hull> Listed<'a, H> {
         if count <= PARALLEL_ITEMS {
             return copied(&numbers[..]);
         }
-        let parts: Vec<_> = numbers.par_chunks(PARALLEL_ITEMS).map(copied).collect();
-        let parts = parts.iter().map(Vec::as_slice).collect();
-        hdtrapeze_pages::joined(parts, |_, item| *item)
+        // Few cells, or as many items are not copied together: most follow each other.
+        let numbers = numbers.par_iter().with_min_len(PARALLEL_ITEMS);
+        numbers.map(|&number| *self.chunks.item(number)).collect()
     }
 }
 
@@ -158,7 +158,9 @@ const CHUNKS_AHEAD: usize = 8;
 const LINE: usize = 64;
 
 const CHUNK_BITS: u32 = PARALLEL_ITEMS.ilog2();
-const _: () = assert!(PARALLEL_ITEMS.is_power_of_two());
+const _: () = assert!(PARALLEL_ITEMS.is_power_of_two() && PARALLEL_ITEMS <= u16::MAX as usize);
+const _: () =
+    assert!(*REGION_CELLS.end() <= 1 << 16 && MOST_CELLS / *REGION_CELLS.end() <= 1 << 16);
 
 impl<'a, H: Hull> Chunks<'a, H> {
     #[inline(always)]
@@ -401,12 +403,17 @@ impl<H: Hull> Kernel for InRegion<'_, H> {
     #[inline(always)]
     fn run<S: Simd>(mut self, simd: S) -> Vec<Cell<H>> {
         let order = std::mem::take(&mut self.order);
+        if order.is_empty() {
+            return Vec::new();
+        }
         let mut cells = vec![Cell::<H>::EMPTY; self.raster.region];
         let mut numbers = Vec::with_capacity(order.len());
         for (chunk, (_, items)) in self.items().enumerate() {
             self.expect(simd, chunk + CHUNKS_AHEAD);
             for item in items {
-                let number = self.raster.number(simd, item) % self.raster.region;
+                let number = self.raster.number(simd, item);
+                debug_assert_eq!(number / self.raster.region, self.number);
+                let number = number % self.raster.region;
                 let cell = &mut cells[number];
                 let extent = &cell.extent;
                 let bounds = H::union::<S>(item.bounds.load(simd), extent.bounds.load(simd));
@@ -429,11 +436,14 @@ impl<H: Hull> Kernel for InRegion<'_, H> {
                 *next += 1;
             }
         }
-        cells.retain(|cell| cell.count > 0);
-        for cell in &mut cells {
-            cell.first = cell.first - cell.count + self.first;
-        }
-        cells
+        // No larger than they are: all regions' cells are there together.
+        let filled = cells.iter().filter(|cell| cell.count > 0);
+        let mut found = Vec::with_capacity(filled.clone().count());
+        found.extend(filled.map(|cell| Cell {
+            first: cell.first - cell.count + self.first,
+            ..*cell
+        }));
+        found
     }
 }
 
@@ -528,6 +538,18 @@ mod tests {
             assert_eq!(items.len(), count as usize);
             let first = coarse.listed.first(&coarse.cells).map(Sorted::id);
             assert_eq!(first, Some(items[0].id()));
+            // Each cell has its own items, and all of them.
+            let raster = Raster::over(&coarse.extent, count as usize);
+            let mut numbers = std::collections::HashSet::new();
+            for cell in &coarse.cells {
+                let own = coarse.listed.copied(level, &[*cell], cell.count as usize);
+                let number = raster.number(hdtrapeze_simd::Scalar, &own[0]);
+                let same = |item| raster.number(hdtrapeze_simd::Scalar, item) == number;
+                assert!(own.iter().all(same) && numbers.insert(number));
+            }
+            let all = Extent::of(Level::SCALAR, &items);
+            let centres = |e: &Extent<H>| e.centres(hdtrapeze_simd::Scalar).to_array();
+            assert_eq!(centres(&coarse.extent), centres(&all));
             let splits = check(&items, known);
             assert!(splits > 10, "{splits}");
             let mut ids: Vec<u32> = items.iter().map(Sorted::id).collect();

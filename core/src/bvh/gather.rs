@@ -225,3 +225,79 @@ pub fn joined<B: Bounds8>(parts: Vec<Part<B>>) -> Gathered<B> {
         items,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::super::COORDINATE_LIMIT;
+    use super::super::node::LinearSlabs;
+    use super::*;
+
+    /// What becomes of a strand of 16 micropolygons, of which each is an item, whose point number `i` is at `at(key, i / 2)`.
+    fn strand(
+        key_times: &[f32],
+        at: impl Fn(usize, u16) -> Vec3,
+    ) -> (Option<()>, Part<LinearSlabs>) {
+        let grid = Grid {
+            first_vertex: 0,
+            element: 0,
+            nu: 1,
+            nv: 16,
+        };
+        let vertices =
+            || (0..17).flat_map(|station| [(station, Vec3::ZERO), (station, Vec3::Y * 0.01)]);
+        let key = |k| vertices().map(move |(station, side)| (k, station, side));
+        let mesh = PlanarMesh::from(DicedMesh {
+            key_times: key_times.to_vec(),
+            vertex_count: 34,
+            grids: vec![grid],
+            positions: (0..key_times.len())
+                .flat_map(key)
+                .map(|(k, station, side)| at(k, station) + side)
+                .collect(),
+            ..DicedMesh::default()
+        });
+        let mut part = Part::with_room([grid].iter(), true);
+        let rows = mesh.grid_rows(0);
+        let added = part.add(Level::best(), 0, &rows, &mut Vec::new(), (true, false));
+        (added, part)
+    }
+
+    #[test]
+    fn a_strand_is_traced_whole_or_not_at_all() {
+        let leans = |_, station: u16| Vec3::splat(station.into());
+        let (added, part) = strand(&[0.0, 0.01, 1.0], leans);
+        assert_eq!((added, part.items.len(), part.strips), (Some(()), 16, 16));
+        // Bounds at the inner key raise those at the ends too far, also of the last 8 micropolygons alone.
+        for station in [2, 9, 15] {
+            let far = |k: usize, s: u16| match (k, s == station) {
+                (1, true) => Vec3::X * COORDINATE_LIMIT * 0.9,
+                (2, true) => Vec3::X * COORDINATE_LIMIT * 0.5,
+                _ => leans(k, s),
+            };
+            let (added, part) = strand(&[0.0, 0.01, 1.0], far);
+            assert_eq!(added, None, "{station}");
+            assert!(part.items.is_empty() && part.blocks.is_empty() && part.strips == 0);
+            assert_eq!(part.bounds, LinearBox::EMPTY);
+        }
+    }
+
+    #[test]
+    fn strands_that_fill_their_box_are_blocks() {
+        // Along an axis, boxes of micropolygons have all of the area; those of either half have half of it.
+        let (added, part) = strand(&[0.0, 1.0], |_, station| Vec3::X * f32::from(station));
+        assert_eq!((added, part.strips), (Some(()), 0));
+        assert!(!part.blocks.is_empty() && part.items.len() == part.blocks.len());
+        // Half of it is along an axis, and leans then.
+        let bent = |_, s: u16| {
+            Vec3::new(
+                s.into(),
+                s.saturating_sub(8).into(),
+                s.saturating_sub(8).into(),
+            )
+        };
+        let (added, part) = strand(&[0.0, 1.0], bent);
+        assert_eq!((added, part.strips), (Some(()), 16));
+    }
+}

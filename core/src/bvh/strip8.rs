@@ -278,10 +278,8 @@ mod tests {
         H::boxes(Scalar, [hull; 8]).to_boxes()[0]
     }
 
-    /// How far the vertices of a part are from the diagonal of its box, in f64.
-    fn farthest<H: Hull>(rows: &GridRows<'_>, slot: u32, hull: &H) -> f64 {
-        let b = whole(hull);
-        let [start, end] = hull.diagonal();
+    /// How far the vertices of a part are from diagonals of its box, by their numbers for both ends, in f64.
+    fn farthest(rows: &GridRows<'_>, slot: u32, b: &LinearBox, [start, end]: [f32; 2]) -> f64 {
         let ends = |number: f32, lo: Vec3, hi: Vec3| {
             let way = Diagonal::way(number, hi - lo).as_dvec3();
             let middle = (lo.as_dvec3() + hi.as_dvec3()) * 0.5;
@@ -308,6 +306,9 @@ mod tests {
 
     fn check<H: Hull>(key_times: &[f32]) -> usize {
         let mut checked = 0;
+        // How far all are from their diagonals, and from others: with an axis or two turned at both ends, at the end
+        // alone, and with that of the start at the end.
+        let mut sums = [0.0; 8];
         for (length, along, singles) in (3..=16)
             .flat_map(|length| [false, true].map(|along| (length, along)))
             .flat_map(|(length, along)| [false, true].map(|singles| (length, along, singles)))
@@ -332,7 +333,28 @@ mod tests {
                         assert_eq!(bits(&own), bits(&whole(&H::of(b))));
                         (around, area) = (around.union(b), area + own.mean_half_area());
                         let radius = f64::from(item.bounds.diagonal()[0]);
-                        let farthest = farthest(&rows, slot, &item.bounds);
+                        let diagonals = item.bounds.diagonal();
+                        let farthest = |numbers| farthest(&rows, slot, &own, numbers);
+                        let turned = |ends: [u32; 2]| {
+                            let [start, end] = diagonals.map(f32::to_bits);
+                            [start ^ ends[0], end ^ ends[1]].map(f32::from_bits)
+                        };
+                        let at_start = diagonals[0].to_bits() & 7;
+                        let as_start = [0, (diagonals[1].to_bits() & 7) ^ at_start];
+                        let ends = [
+                            [0, 0],
+                            [2, 2],
+                            [4, 4],
+                            [6, 6],
+                            [0, 2],
+                            [0, 4],
+                            [0, 6],
+                            as_start,
+                        ];
+                        for (sum, ends) in sums.iter_mut().zip(ends) {
+                            *sum += farthest(turned(ends));
+                        }
+                        let farthest = farthest(diagonals);
                         assert!(
                             (farthest - 1e-6..farthest + 1e-5).contains(&radius),
                             "{radius} {farthest}, {length} {along} {slot}"
@@ -344,6 +366,12 @@ mod tests {
                 }
             }
         }
+        let own = sums[0];
+        assert!(sums[1..4].iter().all(|&sum| sum > 1.1 * own), "{sums:?}");
+        assert!(
+            key_times.len() == 1 || sums[4..].iter().all(|&sum| sum > 1.05 * own),
+            "{sums:?}"
+        );
         checked
     }
 

@@ -269,11 +269,15 @@ impl<'a> Integrator<'a> {
             return;
         }
         found.resize(jobs.len(), (Hit::MISS, TraceCounts::default()));
-        let mut order: Vec<u32> = (0..jobs.len() as u32).collect();
+        let mut order: Vec<u64> = (0..jobs.len() as u64).collect();
         if self.prepared.plan.has_time() {
-            let time = |i: u32| jobs[i as usize].1.ray.time;
-            order.sort_unstable_by(|&a, &b| time(a).total_cmp(&time(b)).then(a.cmp(&b)));
+            for (key, (_, job)) in order.iter_mut().zip(jobs) {
+                // Times are not negative, so that their bits have their order.
+                *key |= u64::from(job.ray.time.max(0.0).to_bits()) << 32;
+            }
+            order.sort_unstable();
         }
+        let order: Vec<u32> = order.into_iter().map(|key| key as u32).collect();
         let Some((_, first)) = jobs.first() else {
             return;
         };
