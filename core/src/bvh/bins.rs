@@ -395,9 +395,22 @@ mod tests {
                 assert!(check::<H, Many<8>, 8>(&items));
                 assert!(check::<H, Many<16>, 16>(&items));
             }
-            // The last plane, beyond which is one far item.
-            let mut items = items::<H>(60, slab * 0.1, 0);
-            items.extend(self::items::<H>(61, slab * 20.0, 0).last());
+            // In a row, the last of which is the largest, the last plane is the cheapest.
+            let row = |id: u32| {
+                let size = if id == 60 { 900.0 } else { 0.01 };
+                let at = slab * id as f32;
+                let [lo, hi] = [-size, size].map(|size| at + Vec3::splat(size));
+                let bounds = LinearBox {
+                    lo0: lo,
+                    hi0: hi,
+                    lo1: lo,
+                    hi1: hi,
+                };
+                Sorted::of(&Item { bounds, id })
+            };
+            let items: Vec<Sorted<H>> = (0..61).map(row).collect();
+            let places = Places::new(&Extent::of(Level::SCALAR, &items), [8; 3]);
+            assert_eq!(one_by_one(&items, &places, 8).map(|plane| plane.1), Some(7));
             assert!(check::<H, Few, 8>(&items));
             assert!(check::<H, Many<16>, 16>(&items));
             let same = self::items::<H>(50, slab, 1);
@@ -419,10 +432,10 @@ mod tests {
             let places = Places::new(&Extent::of(Level::SCALAR, &[item, far]), [16; 3]);
             let mut filled = Filled::<StaticHull, Many<16>, 16>::with(simd, &[item, far], &places);
             for axis in 0..3 {
-                filled.counts.add(axis, 0, 20_000_000);
+                filled.counts.add(axis, 0, 19_999_999);
             }
-            let plane = cheapest(simd, &filled, &places).expect("one item is far");
-            assert_eq!(plane.left, 20_000_001);
+            let plane = cheapest(simd, &filled, &places).expect("one is far");
+            assert_eq!(plane.left, 20_000_000);
         }
     }
 

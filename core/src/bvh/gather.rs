@@ -285,8 +285,9 @@ mod tests {
 
     #[test]
     fn strands_that_fill_their_box_are_blocks() {
-        // Along an axis, boxes of micropolygons have all of the area; those of either half have half of it.
-        let (added, part) = strand(&[0.0, 1.0], |_, station| Vec3::X * f32::from(station));
+        // Along an axis, boxes of micropolygons have all of the area, those of the first half most of it.
+        let straight = |_, s: u16| Vec3::X * (f32::from(s.min(8)) + 0.1 * f32::from(s));
+        let (added, part) = strand(&[0.0, 1.0], straight);
         assert_eq!((added, part.strips), (Some(()), 0));
         assert!(!part.blocks.is_empty() && part.items.len() == part.blocks.len());
         // Half of it is along an axis, and leans then.
