@@ -420,7 +420,7 @@ mod tests {
         }
     }
 
-    /// All bins but the last hold so many that one more makes no difference in f32.
+    /// The first bins hold so many items that one more makes no difference in f32.
     struct OneApart;
 
     impl hdtrapeze_simd::Kernel for OneApart {

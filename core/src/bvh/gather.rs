@@ -234,7 +234,7 @@ mod tests {
     use super::super::node::LinearSlabs;
     use super::*;
 
-    /// What becomes of a strand of 16 micropolygons, of which each is an item, whose point number `i` is at `at(key, i / 2)`.
+    /// What becomes of a strand of 16 micropolygons, of which each is an item, and whose station number `i` is at `at(key, i)`.
     fn strand(
         key_times: &[f32],
         at: impl Fn(usize, u16) -> Vec3,
