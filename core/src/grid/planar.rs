@@ -38,13 +38,6 @@ pub struct PlanarMesh {
     pub channels: Vec<GridChannel>,
 }
 
-/// Positions of so many bytes come from memory, most often, and not from caches. While debugging, also those of small objects count.
-const FAR: usize = if cfg!(debug_assertions) {
-    16 << 10
-} else {
-    64 << 20
-};
-
 /// Vertices of a row of a grid's lattice.
 #[inline(always)]
 fn columns(grid: &Grid) -> usize {
@@ -346,10 +339,9 @@ impl PlanarMesh {
             false => sound_grids(&self.grids, self.vertex_count),
         }
     }
-    /// True where positions come from memory, most often, and not from caches.
-    #[inline]
-    pub fn is_far(&self) -> bool {
-        size_of_val(&self.floats[..]) >= FAR
+    /// Bytes of the positions of all keys.
+    pub fn position_bytes(&self) -> usize {
+        size_of_val(&self.floats[..])
     }
     /// Some of the grids by themselves, in this order, without normals and channels. Those that are not sound are not
     /// there either, but have numbers.

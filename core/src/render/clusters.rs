@@ -10,6 +10,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
+use glam::Vec3;
 use rayon::prelude::*;
 
 use super::kept::Tally;
@@ -154,6 +155,7 @@ impl OnDemand {
     fn new(source: Source) -> Self {
         let source = Arc::new(source);
         let clusters = &source.clusters;
+        let keys = source.points.key_times().len();
         let work = Arc::new(Work {
             source: Mutex::new(Some(Arc::clone(&source))),
             left: AtomicUsize::new(clusters.len()),
@@ -165,7 +167,9 @@ impl OnDemand {
         let deferred = |cluster: usize| {
             let work = Arc::clone(&work);
             let make = Arc::new(move || work.make(cluster));
-            Arc::new(Deferred::new(*clusters.bounds(cluster), make))
+            let vertices = clusters.expected(cluster) as usize;
+            let bytes = vertices.saturating_mul(size_of::<Vec3>() * keys);
+            Arc::new(Deferred::new(*clusters.bounds(cluster), bytes, make))
         };
         let all = 0..clusters.len();
         Self {

@@ -1,8 +1,9 @@
 //! Samples of one tile: trace, shade, film; [`super::generate`] draws them.
 //!
-//! Rays are traced in packets from one small pixel block, near each other in time. Transparent surfaces
+//! Rays are traced in packets from one small pixel block, near each other in time, or from one place of a large surface. Transparent surfaces
 //! are composited front to back by asking for the next hit after the last, up to [`MAX_LAYERS`].
 
+use std::ops::Range;
 use std::sync::atomic::AtomicBool;
 
 use glam::Vec3;
@@ -14,6 +15,7 @@ use super::prepared::Prepared;
 use crate::film::tile::{FirstHit, Keeps, MeanValues, PixelSums, PrimvarSample, Sample, Tile};
 use crate::shade::{ChannelAccess, camera_lit};
 use crate::trace::packet::PACKET;
+use crate::trace::surface_order::{Usual, by_surface};
 use crate::trace::{Hit, Ray, TraceCounts};
 
 /// Transparent layers composited along one ray; what lies behind is left out.
@@ -26,6 +28,8 @@ pub(super) struct Integrator<'a> {
     generator: Generator<'a>,
     keeps: Keeps,
     irradiance: f32,
+    /// Rays of one pixel go different ways, and what they meet is far from caches.
+    by_surface: bool,
 }
 
 impl<'a> Integrator<'a> {
@@ -35,6 +39,8 @@ impl<'a> Integrator<'a> {
             generator: Generator::new(prepared),
             keeps,
             irradiance: prepared.irradiance(),
+            by_surface: (prepared.plan.has_time() || prepared.plan.has_lens())
+                && prepared.world.is_far(),
         }
     }
 
@@ -72,13 +78,20 @@ impl<'a> Integrator<'a> {
     ) {
         let drawn = TileSamples::of(tile, target);
         let mut primvars = PrimvarSample::new(self.keeps);
-        let (mut jobs, mut found) = (Vec::new(), Vec::new());
-        for block in self.generator.blocks(&drawn) {
-            jobs.clear();
+        let (mut jobs, mut blocks, mut found) = (Vec::new(), Vec::new(), Vec::new());
+        let mut pixels = self.generator.blocks(&drawn).peekable();
+        while let Some(block) = pixels.next() {
+            let begin = jobs.len();
             self.generator.draw_block(&drawn, block, &mut jobs);
-            self.trace::<CULL>(&jobs, &mut found, counts);
-            let found = found.iter().copied();
-            self.film::<MATTE, CULL>(tile, &jobs, found, &mut primvars, counts);
+            blocks.push(begin..jobs.len());
+            // A tile's rays together where their order is looked for, while caches hold fewer for longer.
+            if CULL || !self.by_surface || pixels.peek().is_none() {
+                self.trace::<CULL>(&jobs, &blocks, &mut found, counts);
+                let found = found.iter().copied();
+                self.film::<MATTE, CULL>(tile, &jobs, found, &mut primvars, counts);
+                jobs.clear();
+                blocks.clear();
+            }
         }
         tile.samples = target;
     }
@@ -251,11 +264,12 @@ impl<'a> Integrator<'a> {
         }
     }
 
-    /// Traces the jobs of a pixel block, those of nearly one instant together; `found` gets what each
+    /// Traces the jobs of pixel blocks; `found` gets what each
     /// met first, and what that cost; where no cost is kept, `counts` gets it for all of them.
     fn trace<const CULL: bool>(
         &self,
         jobs: &[(usize, Job)],
+        blocks: &[Range<usize>],
         found: &mut Vec<(Hit, TraceCounts)>,
         counts: &mut TraceCounts,
     ) {
@@ -269,18 +283,10 @@ impl<'a> Integrator<'a> {
             return;
         }
         found.resize(jobs.len(), (Hit::MISS, TraceCounts::default()));
-        let mut order: Vec<u64> = (0..jobs.len() as u64).collect();
-        if self.prepared.plan.has_time() {
-            for (key, (_, job)) in order.iter_mut().zip(jobs) {
-                // Times are not negative, so that their bits have their order.
-                *key |= u64::from(job.ray.time.max(0.0).to_bits()) << 32;
-            }
-            order.sort_unstable();
-        }
-        let order: Vec<u32> = order.into_iter().map(|key| key as u32).collect();
         let Some((_, first)) = jobs.first() else {
             return;
         };
+        let order = self.order(jobs, blocks, counts);
         let (mut rays, mut hits) = ([first.ray; PACKET], [Hit::MISS; PACKET]);
         let mut own = [TraceCounts::default(); PACKET];
         for order in order.chunks(PACKET) {
@@ -296,6 +302,36 @@ impl<'a> Integrator<'a> {
                 found[i as usize] = (hits[lane], own[lane]);
             }
         }
+    }
+
+    /// The order in which jobs are traced, so that those of a packet have much in common: by where they meet surfaces where that
+    /// can be told and pays, else those of nearly one instant of each block.
+    fn order(
+        &self,
+        jobs: &[(usize, Job)],
+        blocks: &[Range<usize>],
+        counts: &mut TraceCounts,
+    ) -> Vec<u32> {
+        let by_time = self.prepared.plan.has_time();
+        if self.by_surface {
+            let ray = |i: usize| &jobs[i].1.ray;
+            let usual = Usual { blocks, by_time };
+            if let Some(order) = by_surface(&self.prepared.world, ray, usual, counts) {
+                return order;
+            }
+        }
+        if !by_time {
+            return (0..jobs.len() as u32).collect();
+        }
+        // Times are not negative, so that their bits have their order.
+        let key = |(i, (_, job)): (u64, &(usize, Job))| {
+            u64::from(job.ray.time.max(0.0).to_bits()) << 32 | i
+        };
+        let mut keys: Vec<u64> = (0..).zip(jobs).map(key).collect();
+        for block in blocks {
+            keys[block.clone()].sort_unstable();
+        }
+        keys.into_iter().map(|key| key as u32).collect()
     }
 
     /// Composites what the ray meets, front to back. A matte object takes its share of the ray away

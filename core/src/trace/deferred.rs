@@ -23,6 +23,7 @@ type Make = Arc<dyn Fn() -> ObjectGeometry + Send + Sync>;
 /// See the module's text.
 pub struct Deferred {
     bounds: LinearBox,
+    expected_bytes: usize,
     made: OnceLock<Arc<ObjectGeometry>>,
     make: Make,
 }
@@ -38,10 +39,15 @@ impl fmt::Debug for Deferred {
 
 impl Deferred {
     /// `make` gives an object all of which lies within `bounds`: always the same one, whenever it is asked. It
-    /// is asked once, on a thread of its own.
-    pub fn new(bounds: LinearBox, make: Arc<dyn Fn() -> ObjectGeometry + Send + Sync>) -> Self {
+    /// is asked once, on a thread of its own. `expected_bytes` is about what its positions take.
+    pub fn new(
+        bounds: LinearBox,
+        expected_bytes: usize,
+        make: Arc<dyn Fn() -> ObjectGeometry + Send + Sync>,
+    ) -> Self {
         Self {
             bounds,
+            expected_bytes,
             made: OnceLock::new(),
             make,
         }
@@ -50,6 +56,12 @@ impl Deferred {
     /// Contains the object, relative to its mesh's origin.
     pub fn bounds(&self) -> &LinearBox {
         &self.bounds
+    }
+
+    /// Bytes of its positions, or what is expected while it is not made.
+    pub fn position_bytes(&self) -> usize {
+        self.made()
+            .map_or(self.expected_bytes, |made| made.mesh().position_bytes())
     }
 
     /// As [`ObjectGeometry::radius`], or more.
@@ -120,6 +132,7 @@ mod tests {
         };
         Deferred::new(
             bounds,
+            0,
             Arc::new(|| ObjectGeometry::new(DicedMesh::default())),
         )
     }

@@ -227,7 +227,7 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
                 queries,
             });
         }
-        let far = self.mesh.is_far();
+        let far = room.opened.far;
         debug_assert!(room.opened.is_empty(), "nothing waits in another tree");
         let mut items = ObjectItems {
             target: self,
@@ -248,7 +248,7 @@ impl<S: Simd, B: Bounds8> Target<'_, S, B, false> {
             &mut items,
         );
         if far && let Some(few) = items.meetings.are_of_few() {
-            // The next packet that comes to an object as large is like this one, most often.
+            // The next packet is like this one, most often.
             room.opened.pays = few;
         }
         debug_assert!(room.opened.is_empty(), "all that was asked for was tested");

@@ -156,6 +156,22 @@ impl InstanceSet {
         }
     }
 
+    /// Bytes of its positions: as expected where it is not made.
+    pub(super) fn position_bytes(&self) -> usize {
+        match &self.object {
+            Object::Made(object) => object.mesh().position_bytes(),
+            Object::Deferred(deferred) => deferred.position_bytes(),
+        }
+    }
+
+    /// Another for each other object.
+    pub(super) fn address(&self) -> usize {
+        match &self.object {
+            Object::Made(object) => Arc::as_ptr(object).addr(),
+            Object::Deferred(deferred) => Arc::as_ptr(deferred).addr(),
+        }
+    }
+
     /// What is made when it is first asked for.
     pub fn as_deferred(&self) -> Option<&Arc<Deferred>> {
         match &self.object {

@@ -101,6 +101,7 @@ impl World {
         } = asked;
         let mut queries = room.take_queries();
         let mut space = room.take();
+        room.opened.far = self.is_far();
         queries.ask(any, each.is_some(), rays.len());
         let packed = &mut space.rays;
         let mut lanes = 0;

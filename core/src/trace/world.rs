@@ -1,5 +1,6 @@
 //! The world: instances of objects under one tree, and the queries that a renderer asks of it.
 
+use std::collections::HashSet;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
 
@@ -100,6 +101,25 @@ pub fn few_move(movers: usize, all: usize) -> bool {
     movers * FEW_MOVERS <= all
 }
 
+/// Positions of so many bytes do not fit into caches. While debugging, also those of small worlds do not.
+const FAR: usize = if cfg!(debug_assertions) {
+    16 << 10
+} else {
+    64 << 20
+};
+
+/// Whether positions of all objects together, each of them once, are as many.
+fn are_far(sets: &[Numbered]) -> bool {
+    let mut seen = HashSet::new();
+    let mut bytes = 0usize;
+    sets.iter().any(|set| {
+        if seen.insert(set.set.address()) {
+            bytes = bytes.saturating_add(set.set.position_bytes());
+        }
+        bytes >= FAR
+    })
+}
+
 /// What cannot be hit.
 const NOTHING: Item = Item {
     bounds: LinearBox::EMPTY,
@@ -121,6 +141,8 @@ pub struct World {
     pub(super) radius: f32,
     /// Largest condition of a transform.
     pub(super) condition: f32,
+    /// See [`World::is_far`].
+    pub(super) far: bool,
     /// Instances that cannot be hit.
     left_out: u64,
     /// Instructions that rays are traced with.
@@ -275,9 +297,11 @@ impl World {
             reach: 0.0,
             radius: 0.0,
             condition: 1.0,
+            far: false,
             left_out: 0,
             level: Level::best(),
         };
+        world.far = are_far(&world.sets);
         (world.reach, world.condition) = (0..total)
             .into_par_iter()
             .with_min_len(1024)
@@ -398,6 +422,12 @@ impl World {
     pub(super) fn find(&self, instance: u32) -> (&Numbered, usize) {
         let set = &self.sets[self.set_of[instance as usize] as usize];
         (set, (instance - set.first) as usize)
+    }
+
+    /// True where positions of objects come from memory, most often, and not from caches: there are 64 MiB of them, those that are not made
+    /// yet included.
+    pub fn is_far(&self) -> bool {
+        self.far
     }
 
     /// Bounds the magnitude of every coordinate of every instance, translations and `|M| radius`

@@ -34,7 +34,11 @@ fn what_is_made_late_has_the_hits_of_what_was_there() {
         let deferred = scenes.iter().zip(&plain).map(|((.., mesh), plain)| {
             let mesh = mesh.clone();
             let make = Arc::new(move || ObjectGeometry::new(mesh.clone()));
-            Arc::new(Deferred::new(*plain.bounds(), make))
+            Arc::new(Deferred::new(
+                *plain.bounds(),
+                plain.mesh().position_bytes(),
+                make,
+            ))
         });
         let deferred: Vec<_> = deferred.collect();
         let sets = deferred.iter().enumerate().map(|(i, deferred)| WorldSet {

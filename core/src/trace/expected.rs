@@ -1,0 +1,234 @@
+//! What rays of a few neighbouring pixels are expected to meet, by where a few of them did: a plane that moves, and shears as it does.
+//!
+//! A ray is followed to the plane, and from there back to one instant, which tells where on the surface it ends, whatever time
+//! and lens point it has. That chooses an order of rays and nothing else, so f32 is enough, and numbers that are not
+//! finite are dealt with where the order is made.
+
+use glam::{Mat2, Vec2, Vec3};
+
+use super::{Hit, Ray, World};
+
+/// Rays that are traced first.
+pub const PROBES: usize = 16;
+/// Of them, those that must hit something, at the least; more than the three numbers that are fitted to each value.
+const LEAST_HITS: usize = 6;
+
+/// See the module's text.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Expected {
+    /// A point of the plane, at half the shutter, and how it moves in a shutter.
+    point: Vec3,
+    velocity: Vec3,
+    normal: Vec3,
+    /// Directions along the image.
+    along: [Vec3; 2],
+    /// How much faster, along each of these, than `point` is what lies along each of them.
+    shear: [Vec2; 2],
+    /// How far points that were hit are off by the ends of the shutter, along the image: root of the mean square.
+    spread: f32,
+}
+
+/// A point that was hit, at half the shutter: where, how far it goes, and how far it is off the middle of its way.
+#[derive(Clone, Copy, Debug, Default)]
+struct Met {
+    point: Vec3,
+    way: Vec3,
+    bend: Vec3,
+}
+
+impl Met {
+    fn of(world: &World, hit: &Hit) -> Option<Self> {
+        let [first, point, last] = [0.0, 0.5, 1.0].map(|time| world.position(hit, time));
+        let (first, point, last) = (first?, point?, last?);
+        let (way, bend) = (last - first, point - 0.5 * (first + last));
+        (point + way + bend)
+            .is_finite()
+            .then_some(Self { point, way, bend })
+    }
+}
+
+impl Expected {
+    /// What `rays` met, which hit `hits`. `None` where they met too little.
+    pub fn of(world: &World, rays: &[Ray; PROBES], hits: &[Hit; PROBES]) -> Option<Self> {
+        let mut met = [Met::default(); PROBES];
+        let mut count = 0;
+        for found in hits.iter().filter_map(|h| Met::of(world, h)) {
+            met[count] = found;
+            count += 1;
+        }
+        if count < LEAST_HITS {
+            return None;
+        }
+        let forward: Vec3 = rays.iter().map(|r| r.dir.normalize_or_zero()).sum();
+        Self::fitted(&met[..count], forward.try_normalize()?)
+    }
+
+    /// Linear fits to what points are off their mean, of where they are along the image.
+    fn fitted(met: &[Met], forward: Vec3) -> Option<Self> {
+        let count = met.len() as f32;
+        let point = met.iter().map(|m| m.point).sum::<Vec3>() / count;
+        let way = met.iter().map(|m| m.way).sum::<Vec3>() / count;
+        let (a, b) = forward.any_orthonormal_pair();
+        let along = |p: Vec3| Vec2::new(p.dot(a), p.dot(b));
+        let (mut squares, mut products) = (Mat2::ZERO, [Vec2::ZERO; 3]);
+        for m in met {
+            let at = along(m.point - point);
+            squares += Mat2::from_cols(at * at.x, at * at.y);
+            let off = along(m.way - way);
+            let values = [(m.point - point).dot(forward), off.x, off.y];
+            for (sum, value) in products.iter_mut().zip(values) {
+                *sum += at * value;
+            }
+        }
+        // Of points that lie on a line, or in one place, nothing is said across it.
+        let least = 1e-3 * (squares.x_axis.x + squares.y_axis.y) + f32::MIN_POSITIVE;
+        squares += Mat2::from_diagonal(Vec2::splat(least));
+        let inverse = squares.inverse();
+        let [tilt, right, up] = products.map(|sum| inverse * sum);
+        let off = |m: &Met| {
+            let at = along(m.point - point);
+            let fitted = Vec2::new(right.dot(at), up.dot(at));
+            0.25 * (along(m.way - way) - fitted).length_squared() + along(m.bend).length_squared()
+        };
+        // Three numbers were fitted.
+        let spread = (met.iter().map(off).sum::<f32>() / (count - 3.0)).sqrt();
+        spread.is_finite().then_some(Self {
+            point,
+            velocity: way,
+            normal: forward - tilt.x * a - tilt.y * b,
+            along: [a, b],
+            shear: [right, up],
+            spread,
+        })
+    }
+
+    /// Where what a ray meets on the plane is at half the shutter, along the image.
+    #[inline]
+    pub fn place(&self, ray: &Ray) -> [f32; 2] {
+        let time = ray.time - 0.5;
+        let to = self.point + self.velocity * time - ray.origin;
+        let t = to.dot(self.normal) / ray.dir.dot(self.normal);
+        let off = ray.dir * t - to;
+        let [x, y] = self.along.map(|axis| off.dot(axis));
+        let [right, up] = self.shear.map(|shear| shear * time);
+        let (xx, yy) = (1.0 + right.x, 1.0 + up.y);
+        let scale = 1.0 / (xx * yy - right.y * up.x);
+        [(yy * x - right.y * y) * scale, (xx * y - up.x * x) * scale]
+    }
+
+    /// The area of the surface that rays meet together, by their places and times.
+    pub fn area(&self, rays: impl Iterator<Item = ([f32; 2], f32)>) -> f32 {
+        let mut bounds = [[f32::INFINITY, f32::NEG_INFINITY]; 3];
+        for ([x, y], time) in rays {
+            for (bounds, x) in bounds.iter_mut().zip([x, y, time]) {
+                *bounds = [bounds[0].min(x), bounds[1].max(x)];
+            }
+        }
+        let [x, y, time] = bounds.map(|[low, high]| high - low);
+        let off = 2.0 * self.spread * time;
+        (x + off) * (y + off)
+    }
+
+    /// The least that [`Self::area`] is of rays of all times.
+    pub fn least_area(&self) -> f32 {
+        (2.0 * self.spread).powi(2)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A plane that moves and shears, by formula.
+    fn at(p: Vec2, time: f32) -> Vec3 {
+        let still = Vec3::new(p.x, p.y, 0.3 * p.x - 0.2 * p.y);
+        still + (time - 0.5) * Vec3::new(0.8 + 0.3 * p.y, -0.5 + 0.2 * p.x, 0.1)
+    }
+
+    fn met(p: Vec2) -> Met {
+        let [first, point, last] = [0.0, 0.5, 1.0].map(|time| at(p, time));
+        Met {
+            point,
+            way: last - first,
+            bend: point - 0.5 * (first + last),
+        }
+    }
+
+    fn points() -> impl Iterator<Item = Vec2> {
+        (0..12u8).map(|i| Vec2::new(f32::from(i % 4), f32::from(i / 4)) * 0.1 - 0.15)
+    }
+
+    #[test]
+    fn rays_end_where_the_surface_is_at_half_the_shutter() {
+        let met: Vec<Met> = points().map(met).collect();
+        let expected = Expected::fitted(&met, Vec3::NEG_Z).unwrap();
+        assert!(expected.spread < 1e-3, "{expected:?}");
+        for p in points() {
+            for (time, lens) in [(0.0, 0.3), (0.4, -0.2), (1.0, 0.0), (0.9, 0.5)] {
+                let origin = Vec3::new(lens, 0.1 - lens, 4.0);
+                let ray = Ray {
+                    origin,
+                    dir: at(p, time) - origin,
+                    time,
+                    t_min: 0.0,
+                    t_max: f32::INFINITY,
+                };
+                let off = at(p, 0.5) - expected.point;
+                let should = expected.along.map(|axis| off.dot(axis));
+                let is = expected.place(&ray);
+                let error = (Vec2::from(is) - Vec2::from(should)).length();
+                // Depths shear too, which is not followed; a shutter's way is 50 times as far.
+                assert!(error < 0.02, "{p} at {time} from {lens}: {error}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_goes_several_ways_is_spread() {
+        let ways = |by: f32| {
+            let one = |(i, p): (usize, Vec2)| {
+                let mut met = met(p);
+                met.way.x += if i % 2 == 0 { by } else { -by };
+                met
+            };
+            let met: Vec<Met> = points().enumerate().map(one).collect();
+            Expected::fitted(&met, Vec3::NEG_Z).unwrap()
+        };
+        // Half of a way to each end of the shutter; three of twelve numbers are fitted.
+        let spread = ways(0.4).spread;
+        assert!((0.18..0.26).contains(&spread), "{spread}");
+        assert!(ways(0.4).least_area() > 0.1 && ways(0.0).least_area() < 1e-6);
+
+        let mut bent: Vec<Met> = points().map(met).collect();
+        for (i, met) in bent.iter_mut().enumerate() {
+            met.bend.y = if i % 3 == 0 { 0.2 } else { -0.1 };
+        }
+        let bent = Expected::fitted(&bent, Vec3::NEG_Z).unwrap().spread;
+        assert!((0.12..0.2).contains(&bent), "{bent}");
+    }
+
+    #[test]
+    fn one_place_and_a_line_are_no_trouble() {
+        let one = vec![met(Vec2::new(0.1, 0.2)); 8];
+        let line: Vec<Met> = (0..8u8)
+            .map(|i| met(Vec2::splat(f32::from(i) * 0.1)))
+            .collect();
+        for all in [one, line] {
+            let expected = Expected::fitted(&all, Vec3::NEG_Z).unwrap();
+            let origin = Vec3::Z * 3.0;
+            let ray = Ray {
+                origin,
+                dir: at(Vec2::splat(0.3), 0.2) - origin,
+                time: 0.2,
+                t_min: 0.0,
+                t_max: f32::INFINITY,
+            };
+            assert!(expected.place(&ray).iter().all(|x| x.is_finite()));
+        }
+        let nowhere = Met {
+            point: Vec3::splat(f32::NAN),
+            ..Met::default()
+        };
+        assert!(Expected::fitted(&[nowhere; 8], Vec3::NEG_Z).is_none());
+    }
+}

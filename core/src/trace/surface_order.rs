@@ -1,0 +1,457 @@
+//! The order of rays that leaves surfaces where they are: rays that are expected to meet one place of a surface go together, whatever
+//! time and lens point they have.
+//!
+//! Rays of one pixel, or of one instant, meet places all over a surface where it moves fast or is out of focus. So a few
+//! are traced first, the others followed to what these met ([`super::expected`]), and cut into packets by where they end there.
+//! Those of a packet have their groups of micropolygons in common, and so memory, which is what rays wait for where objects are large.
+//! Where what was met moves in several ways, or at several depths, that tells nothing, and the usual order stays.
+//!
+//! Hits do not depend on the order.
+
+use std::ops::Range;
+
+use super::expected::{Expected, PROBES};
+use super::packet::PACKET;
+use super::{Hit, Ray, TraceCounts, World};
+
+/// Rays for which that is done, at the least: each costs time, as those do that are traced first.
+const LEAST_RAYS: usize = 1024;
+/// The area that packets have on a surface, of that in the usual order, up to which they are worth it.
+const WORTH: f32 = 0.7;
+/// Blocks by which the usual order is judged.
+const JUDGED: usize = 2;
+/// One of so many packets judges the order.
+const EVERY: usize = 4;
+/// Bins along what the rays sweep.
+const COLUMNS: usize = 1024;
+/// Bins across it.
+const BINS: usize = 64;
+/// Slabs that columns become, at the most.
+const MOST_SLABS: usize = 256;
+/// What the bins reach, of what uniform rays sweep.
+const REACH: f32 = 1.2;
+
+/// Numbers of bins are of 16 bits.
+const _: () = assert!(COLUMNS * BINS <= 1 << 16 && MOST_SLABS * BINS <= 1 << 16);
+
+/// Rays in the order in which they usually go: block after block of pixels, and in each in packets.
+#[derive(Clone, Copy, Debug)]
+pub struct Usual<'a> {
+    /// The rays of each block; they follow each other from 0 on.
+    pub blocks: &'a [Range<usize>],
+    /// A block's rays are sorted by time first.
+    pub by_time: bool,
+}
+
+/// Orders rays, of which `ray` gives each by its number in the usual order; `None` where that is as good, too few rays are there, or positions are
+/// not [far](World::is_far), so that it would not pay. What the first of them cost is added to `counts`; they are not counted as rays.
+///
+/// Rays should be neighbours, as those of a tile of an image are. Any thread.
+pub fn by_surface<'r>(
+    world: &World,
+    ray: impl Fn(usize) -> &'r Ray,
+    usual: Usual<'_>,
+    counts: &mut TraceCounts,
+) -> Option<Vec<u32>> {
+    let count = usual.blocks.last()?.end;
+    if !world.is_far() || count < LEAST_RAYS || u32::try_from(count).is_err() {
+        return None;
+    }
+    // Spread over blocks, samples and pixels.
+    let probes: [Ray; PROBES] = std::array::from_fn(|k| {
+        let at = k * (count / PROBES) + (27 * k + 9) % PACKET;
+        *ray(at.min(count - 1))
+    });
+    let mut hits = [Hit::MISS; PROBES];
+    let mut own = TraceCounts::default();
+    world.trace_many(&probes, &mut hits, &mut own);
+    *counts = *counts + TraceCounts { rays: 0, ..own };
+    let expected = Expected::of(world, &probes, &hits)?;
+
+    let before = usual_area(&expected, &ray, usual)?;
+    if expected.least_area() > WORTH * before {
+        return None;
+    }
+    let places: Vec<[f32; 2]> = (0..count).map(|i| expected.place(ray(i))).collect();
+    let order = in_slabs(&places)?;
+    let (mut area, mut packets) = (0.0, 0.0);
+    for packet in order.as_chunks::<PACKET>().0.iter().step_by(EVERY) {
+        let at = packet.iter().map(|&i| i as usize);
+        area += expected.area(at.map(|i| (places[i], ray(i).time)));
+        packets += 1.0;
+    }
+    (area < WORTH * before * packets).then_some(order)
+}
+
+/// The area of the surface that a packet meets in the usual order: of one in the middle of each of some blocks.
+fn usual_area<'r>(
+    expected: &Expected,
+    ray: &impl Fn(usize) -> &'r Ray,
+    usual: Usual<'_>,
+) -> Option<f32> {
+    let at = |i: usize| (expected.place(ray(i)), ray(i).time);
+    let full = usual.blocks.iter().filter(|block| block.len() >= PACKET);
+    let step = usual.blocks.len().div_ceil(JUDGED);
+    let (mut area, mut blocks) = (0.0, 0.0);
+    for block in full.skip(step / 2).step_by(step) {
+        area += if usual.by_time {
+            let mut times: Vec<(u32, usize)> =
+                block.clone().map(|i| (ray(i).time.to_bits(), i)).collect();
+            let middle = (times.len() - PACKET) / 2;
+            times.select_nth_unstable(middle);
+            if times.len() > middle + PACKET {
+                times[middle..].select_nth_unstable(PACKET);
+            }
+            expected.area(times[middle..][..PACKET].iter().map(|&(_, i)| at(i)))
+        } else {
+            let middle = block.start + (block.len() / PACKET / 2) * PACKET;
+            let middle = middle.min(block.end - PACKET);
+            expected.area((middle..middle + PACKET).map(at))
+        };
+        blocks += 1.0;
+    }
+    let area = area / blocks;
+    (area > 0.0 && area.is_finite()).then_some(area)
+}
+
+/// The order in which packets of rays that follow each other fill small rectangles; `None` where places are not finite, or all the same.
+///
+/// What a tile sweeps is long and thin where it moves, and goes any way across the image: it is cut across its length into slabs with as many rays each,
+/// and along each, forth and back, by narrow bins.
+fn in_slabs(places: &[[f32; 2]]) -> Option<Vec<u32>> {
+    let count = places.len();
+    let all = count as f32;
+    // About the first, so that squares are of small numbers.
+    let &[x0, y0] = places.first()?;
+    let (mut sum, mut squares) = ([0.0f32; 2], [0.0f32; 3]);
+    for &[x, y] in places {
+        let (x, y) = (x - x0, y - y0);
+        sum = [sum[0] + x, sum[1] + y];
+        squares = [squares[0] + x * x, squares[1] + x * y, squares[2] + y * y];
+    }
+    let [x, y] = sum.map(|sum| sum / all);
+    let [xx, xy, yy] = squares.map(|square| square / all);
+    let (xx, xy, yy) = (xx - x * x, xy - x * y, yy - y * y);
+    let half = (0.25 * (xx - yy).powi(2) + xy * xy).sqrt();
+    let (long, wide) = (0.5 * (xx + yy) + half, 0.5 * (xx + yy) - half);
+    if !(long > 0.0 && long.is_finite()) {
+        return None;
+    }
+    let (sin, cos) = (0.5 * (2.0 * xy).atan2(xx - yy)).sin_cos();
+    let (x0, y0) = (x0 + x, y0 + y);
+    // Uniform over a length, this is from its middle to an end.
+    let [long, wide] = [long, wide.max(1e-4 * long)].map(|square| (3.0 * square).sqrt());
+    let slabs = (all / PACKET as f32 * long / wide).sqrt().round() as usize;
+    let slabs = slabs.clamp(1, MOST_SLABS);
+
+    // Where there is more, it goes to the first or last bin.
+    let per = |bins: usize, half: f32| 0.5 * bins as f32 / (REACH * half);
+    let (per_long, per_wide) = (per(COLUMNS, long), per(BINS, wide));
+    let mut columns = [0u32; COLUMNS];
+    let mut keys: Vec<u16> = Vec::with_capacity(count);
+    keys.extend(places.iter().map(|&[x, y]| {
+        let (x, y) = (x - x0, y - y0);
+        let along = (cos * x + sin * y) * per_long + 0.5 * COLUMNS as f32;
+        let across = (cos * y - sin * x) * per_wide + 0.5 * BINS as f32;
+        let column = (along as usize).min(COLUMNS - 1);
+        columns[column] += 1;
+        (column * BINS + (across as usize).min(BINS - 1)) as u16
+    }));
+    // The slab of each column.
+    let mut before = 0;
+    for column in &mut columns {
+        let own = *column;
+        *column = ((before as usize + own as usize / 2) * slabs / count) as u32;
+        before += own;
+    }
+    let mut begin = vec![0u32; slabs * BINS];
+    for key in &mut keys {
+        let (column, bin) = (usize::from(*key) / BINS, usize::from(*key) % BINS);
+        let slab = columns[column] as usize;
+        let bin = if slab % 2 == 0 { bin } else { BINS - 1 - bin };
+        *key = (slab * BINS + bin) as u16;
+        begin[usize::from(*key)] += 1;
+    }
+    let mut sum = 0;
+    for begin in &mut begin {
+        sum += std::mem::replace(begin, sum);
+    }
+    let mut order = vec![0; count];
+    for (i, &key) in (0..).zip(&keys) {
+        let begin = &mut begin[usize::from(key)];
+        order[*begin as usize] = i;
+        *begin += 1;
+    }
+    Some(order)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use glam::{DVec3, Vec2, Vec3};
+
+    use super::*;
+    use crate::bvh::ObjectGeometry;
+    use crate::grid::{DicedMesh, Grid};
+    use crate::trace::random::unit;
+    use crate::trace::{InstanceTransform, WorldInstance};
+
+    /// Rates of a grid.
+    const RATE: u16 = 8;
+    /// Side of a tile, and of a block.
+    const TILE: u16 = 16;
+    const BLOCK: u16 = 8;
+
+    /// A sheet of `side` x `side` grids from -1 to 1 that goes `way` in a shutter, `more` of it for each grid.
+    fn sheet(side: u16, way: Vec3, more: impl Fn(usize) -> Vec3) -> World {
+        let mut mesh = DicedMesh {
+            key_times: vec![0.0, 1.0],
+            ..DicedMesh::default()
+        };
+        let count = usize::from(side) * usize::from(side);
+        for key in [-0.5, 0.5] {
+            for grid in 0..count {
+                let first = [grid % usize::from(side), grid / usize::from(side)];
+                for vertex in 0..usize::from(RATE + 1).pow(2) {
+                    let of = usize::from(RATE + 1);
+                    let [x, y] =
+                        [(first[0], vertex % of), (first[1], vertex / of)].map(|(g, i)| {
+                            let i = g * usize::from(RATE) + i;
+                            2.0 * i as f32 / f32::from(side * RATE) - 1.0
+                        });
+                    let still = Vec3::new(x, y, 0.02 * (9.0 * x).sin() * (7.0 * y).cos());
+                    mesh.positions.push(still + (way + more(grid)) * key);
+                }
+            }
+        }
+        // Positions are grid after grid, and in each key after key.
+        let size = usize::from(RATE + 1).pow(2);
+        let by_key = std::mem::take(&mut mesh.positions);
+        for grid in 0..count {
+            for key in 0..2 {
+                let first = (key * count + grid) * size;
+                mesh.positions.extend(&by_key[first..first + size]);
+            }
+            mesh.grids.push(Grid {
+                first_vertex: (grid * size) as u32,
+                element: grid as u32,
+                nu: RATE,
+                nv: RATE,
+            });
+        }
+        mesh.vertex_count = count * size;
+        let instance = WorldInstance {
+            object: Arc::new(ObjectGeometry::new(mesh)),
+            transform: InstanceTransform::Translation(DVec3::ZERO),
+            user: 0,
+        };
+        World::build(vec![instance], DVec3::ZERO)
+    }
+
+    /// A tile's rays as renders have them: block by block, and in each sample by sample.
+    fn tile(lens: f32, samples: u8) -> (Vec<Ray>, Vec<Range<usize>>) {
+        let state = &mut 3;
+        let (mut rays, mut blocks) = (Vec::new(), Vec::new());
+        for block in 0..4 {
+            let begin = rays.len();
+            for _ in 0..samples {
+                for pixel in 0..BLOCK * BLOCK {
+                    let x = f32::from(block % 2 * BLOCK + pixel % BLOCK) + unit(state);
+                    let y = f32::from(block / 2 * BLOCK + pixel / BLOCK) + unit(state);
+                    let at = (Vec2::new(x, y) / f32::from(TILE) - 0.5) * 0.3;
+                    let (radius, angle) = (unit(state).sqrt() * lens, unit(state) * 6.3);
+                    let origin = Vec3::new(radius * angle.cos(), radius * angle.sin(), 4.0);
+                    // In focus behind the sheet.
+                    rays.push(Ray {
+                        origin,
+                        dir: at.extend(-1.0) - origin,
+                        time: unit(state),
+                        t_min: 0.0,
+                        t_max: f32::INFINITY,
+                    });
+                }
+            }
+            blocks.push(begin..rays.len());
+        }
+        (rays, blocks)
+    }
+
+    fn ordered(world: &World, rays: &[Ray], blocks: &[Range<usize>]) -> Option<Vec<u32>> {
+        let usual = Usual {
+            blocks,
+            by_time: true,
+        };
+        let mut counts = TraceCounts::default();
+        let order = by_surface(world, |i| &rays[i], usual, &mut counts);
+        assert_eq!(counts.rays, 0);
+        order
+    }
+
+    /// Mean area of the boxes, at half the shutter, around what packets really hit.
+    fn area(world: &World, rays: &[Ray], order: &[u32]) -> f32 {
+        let mut sum = 0.0;
+        let (packets, _) = order.as_chunks::<PACKET>();
+        for packet in packets {
+            let mut bounds = [Vec2::INFINITY, Vec2::NEG_INFINITY];
+            for &i in packet {
+                let ray = &rays[i as usize];
+                let hit = world.trace(ray, &mut TraceCounts::default());
+                let at = world.position(&hit, 0.5).expect("the sheet fills the view");
+                bounds = [bounds[0].min(at.truncate()), bounds[1].max(at.truncate())];
+            }
+            sum += (bounds[1] - bounds[0]).element_product();
+        }
+        sum / packets.len() as f32
+    }
+
+    fn by_time(rays: &[Ray], blocks: &[Range<usize>]) -> Vec<u32> {
+        let mut order: Vec<u32> = (0..rays.len() as u32).collect();
+        for block in blocks {
+            let time = |i: &u32| rays[*i as usize].time;
+            order[block.clone()].sort_by(|a, b| time(a).total_cmp(&time(b)));
+        }
+        order
+    }
+
+    #[test]
+    fn packets_meet_less_of_what_moves_or_is_out_of_focus() {
+        let still = |_| Vec3::ZERO;
+        for (way, lens) in [
+            (Vec3::new(0.6, 0.3, 0.0), 0.0),
+            (Vec3::new(-0.2, 0.5, 0.4), 0.0),
+            (Vec3::ZERO, 0.4),
+            (Vec3::new(0.0, 0.4, 0.1), 0.3),
+        ] {
+            let world = sheet(16, way, still);
+            let (rays, blocks) = tile(lens, 8);
+            let order = ordered(&world, &rays, &blocks).expect("an order");
+            let mut all = order.clone();
+            all.sort_unstable();
+            assert!(all.into_iter().eq(0..rays.len() as u32));
+
+            let before = area(&world, &rays, &by_time(&rays, &blocks));
+            let after = area(&world, &rays, &order);
+            assert!(after < 0.6 * before, "{way} {lens}: {after} of {before}");
+
+            let sorted: Vec<Ray> = order.iter().map(|&i| rays[i as usize]).collect();
+            let mut hits = vec![Hit::MISS; rays.len()];
+            world.trace_many(&sorted, &mut hits, &mut TraceCounts::default());
+            for (ray, hit) in sorted.iter().zip(&hits) {
+                assert_eq!(*hit, world.trace(ray, &mut TraceCounts::default()));
+            }
+        }
+    }
+
+    #[test]
+    fn the_usual_order_stays_where_nothing_is_told() {
+        let way = Vec3::new(0.6, 0.3, 0.0);
+        let still = |_| Vec3::ZERO;
+        let (rays, blocks) = tile(0.0, 8);
+        let world = sheet(16, way, still);
+        assert!(ordered(&world, &rays, &blocks).is_some());
+        // Too few rays; nothing but misses; all in one place.
+        assert!(ordered(&world, &rays[..1000], &[0..512, 512..1000]).is_none());
+        assert!(ordered(&world, &[], &[]).is_none());
+        let aside: Vec<Ray> = rays
+            .iter()
+            .map(|ray| Ray {
+                dir: -ray.dir,
+                ..*ray
+            })
+            .collect();
+        assert!(ordered(&world, &aside, &blocks).is_none());
+        assert!(ordered(&world, &vec![rays[0]; rays.len()], &blocks).is_none());
+        // What caches hold.
+        let small = sheet(1, way * 0.1, still);
+        assert!(!small.is_far() && ordered(&small, &rays, &blocks).is_none());
+        // Each grid its own way.
+        let crowd = sheet(16, Vec3::ZERO, |grid| {
+            let state = &mut (grid as u64 + 1);
+            for _ in 0..9 {
+                unit(state);
+            }
+            Vec3::new(unit(state) - 0.5, unit(state) - 0.5, 0.0)
+        });
+        assert!(ordered(&crowd, &rays, &blocks).is_none());
+        // Numbers that are not finite, of which each packet's rays may be.
+        let broken: Vec<Ray> = rays
+            .iter()
+            .map(|ray| Ray {
+                origin: Vec3::splat(f32::NAN),
+                ..*ray
+            })
+            .collect();
+        assert!(ordered(&world, &broken, &blocks).is_none());
+    }
+
+    /// Mean area of the boxes around packets, to what it would be if they covered all once.
+    fn boxes(places: &[[f32; 2]], order: &[u32], all: f32) -> f32 {
+        let (packets, _) = order.as_chunks::<PACKET>();
+        let area = |packet: &[u32; PACKET]| {
+            let at = packet.iter().map(|&i| Vec2::from(places[i as usize]));
+            let low = at.clone().fold(Vec2::INFINITY, Vec2::min);
+            (at.fold(Vec2::NEG_INFINITY, Vec2::max) - low).element_product()
+        };
+        packets.iter().map(area).sum::<f32>() / all
+    }
+
+    #[test]
+    fn packets_fill_small_rectangles_whatever_the_direction() {
+        for (long, wide) in [(1.0f32, 1.0f32), (20.0, 1.0), (300.0, 0.5)] {
+            for angle in [0.0f32, 0.5, 1.3, 2.5] {
+                let state = &mut 11;
+                let place = |_| {
+                    let at = Vec2::new((unit(state) - 0.5) * long, (unit(state) - 0.5) * wide);
+                    (Vec2::from_angle(angle).rotate(at) + 7.0).to_array()
+                };
+                let places: Vec<[f32; 2]> = (0..8192).map(place).collect();
+                let order = in_slabs(&places).unwrap();
+                let mut all = order.clone();
+                all.sort_unstable();
+                assert!(all.into_iter().eq(0..8192));
+                // Turned back, so that boxes lie along rectangles.
+                let back = Vec2::from_angle(-angle);
+                let along = |p: &[f32; 2]| back.rotate(Vec2::from(*p)).to_array();
+                let turned: Vec<[f32; 2]> = places.iter().map(along).collect();
+                let share = boxes(&turned, &order, long * wide);
+                // A square has no direction, so that it may be cut any way.
+                let most = if long == wide { 2.4 } else { 1.8 };
+                assert!(
+                    (0.5..most).contains(&share),
+                    "{long} {wide} {angle}: {share}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn places_far_off_and_none_are_no_trouble() {
+        let state = &mut 5;
+        let mut places: Vec<[f32; 2]> = (0..2048).map(|_| [unit(state), unit(state)]).collect();
+        // A ray in a hundred ends far behind.
+        for place in places.iter_mut().step_by(100) {
+            place[0] += 4.0;
+        }
+        let order = in_slabs(&places).unwrap();
+        let inside: Vec<u32> = order
+            .into_iter()
+            .filter(|&i| places[i as usize][0] <= 1.0)
+            .collect();
+        let share = boxes(&places, &inside, 1.0);
+        assert!(share < 4.0, "{share}");
+
+        assert!(in_slabs(&[]).is_none());
+        assert!(in_slabs(&[[0.5, 0.5]; 64]).is_none());
+        for bad in [f32::NAN, f32::INFINITY, f32::MAX] {
+            places[77] = [bad, 0.0];
+            let order = in_slabs(&places);
+            assert!(order.is_none(), "{bad}");
+        }
+        // A line.
+        let line: Vec<[f32; 2]> = (0..1024u16).map(|i| [f32::from(i), 0.0]).collect();
+        let mut all = in_slabs(&line).unwrap();
+        all.sort_unstable();
+        assert!(all.into_iter().eq(0..1024));
+    }
+}
