@@ -518,3 +518,63 @@ pub(super) fn clamp_time(time: f32) -> f32 {
 pub(super) fn clamp_times<S: Simd>(simd: S, time: S::F16) -> S::F16 {
     time.max(simd.all16(0.0)).min(simd.all16(1.0))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::deferred::Deferred;
+    use super::*;
+    use crate::grid::{DicedMesh, Grid};
+
+    /// A grid whose positions take half of what is far, and a little more.
+    fn half() -> Arc<ObjectGeometry> {
+        let vertices = FAR / size_of::<[f32; 3]>() / 2 + 1;
+        let nu = vertices.div_ceil(2) as u16;
+        let vertices = (usize::from(nu) + 1) * 2;
+        let mesh = DicedMesh {
+            key_times: vec![0.0],
+            grids: vec![Grid {
+                first_vertex: 0,
+                element: 0,
+                nu,
+                nv: 1,
+            }],
+            vertex_count: vertices,
+            positions: vec![glam::Vec3::ONE; vertices],
+            ..DicedMesh::default()
+        };
+        Arc::new(ObjectGeometry::new(mesh))
+    }
+
+    #[test]
+    fn a_world_is_far_by_all_of_its_objects_each_once() {
+        let place = || Shift::new(DVec3::ZERO, DVec3::ZERO, 0);
+        let made = |object: &Arc<ObjectGeometry>| {
+            InstanceSet::translated(object.clone(), vec![place(); 3])
+        };
+        let (a, b) = (half(), half());
+        let later = |bytes: usize| {
+            let make = Arc::new(|| ObjectGeometry::new(DicedMesh::default()));
+            InstanceSet::deferred(
+                Arc::new(Deferred::new(LinearBox::EMPTY, bytes, make)),
+                place(),
+            )
+        };
+        let far = |sets: Vec<InstanceSet>| {
+            let sets = sets.into_iter().map(|set| WorldSet {
+                set: Arc::new(set),
+                user: 0,
+                culled: None,
+            });
+            let world = World::new(sets.collect(), DVec3::ZERO, &NEVER).expect("a world");
+            world.is_far()
+        };
+        assert!(a.mesh().position_bytes() < FAR);
+        assert!(!far(vec![]) && !far(vec![made(&a)]) && !far(vec![made(&a), made(&a)]));
+        assert!(far(vec![made(&a), made(&b)]));
+        // Those that are not made count as expected.
+        assert!(!far(vec![made(&a), later(FAR / 4)]));
+        assert!(far(vec![made(&a), later(FAR / 2)]));
+        assert!(far(vec![later(FAR / 2), later(FAR / 2)]));
+        assert!(far(vec![later(usize::MAX), made(&a)]));
+    }
+}

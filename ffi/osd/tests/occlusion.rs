@@ -49,6 +49,8 @@ fn check(scene: &Scene, seen: &[i32]) -> Prepared {
             let on = prepared(&with_culling(scene, true), None);
             let s = on.statistics();
             let none_yet = s.clusters_culled == s.clusters && s.micropolygons == 0;
+            // By what is expected of clusters; while debugging, so little is large.
+            assert!(!cfg!(debug_assertions) || on.world().is_far());
             assert!(s.clusters > 0 && none_yet, "{s:?}");
             for (name, image) in bits(&rendered(&on).0) {
                 let (_, wanted) = expected.iter().find(|(n, _)| *n == name).expect("the AOV");

@@ -266,7 +266,7 @@ mod tests {
         assert_eq!(options.across, 1280);
         let middle = asked("--image 480 272 --across 1280").unwrap();
         assert_eq!((middle.image, middle.across), ([480, 272], 1280));
-        assert_eq!((options.orders.len(), options.variants.len()), (3, 8));
+        assert_eq!((options.orders.len(), options.variants.len()), (4, 8));
         // Whatever comes first.
         for words in [
             "--quick --rounds 2 --image 8 4",
@@ -299,7 +299,7 @@ mod tests {
             ("--image 100000 100000", "are more than"),
             ("--samples 18446744073709551615", "are more than"),
             ("--scene hair", "sheet, patches, fur, combed"),
-            ("--order row", "tile, block, pixel"),
+            ("--order row", "tile, block, pixel, surface"),
             ("--largest --scene fur", "the sheet alone"),
             ("--largest --scene sheet --scene fur", "the sheet alone"),
             ("--markdown f --json f", "--markdown f and --json f name"),

@@ -17,13 +17,14 @@ use crate::ffi::RayHit;
 use crate::load::{
     Group, Load, Way, built, built_upright, calls, time_ours, time_peer, trace, ways,
 };
-use crate::rays::{by_block, by_pixel, secondary};
+use crate::rays::{by_block, by_pixel, by_square, secondary};
 use crate::scenes::{Family, Indices, Shape, Vertices, frozen};
+use crate::surface::{self, Group as Square};
 use crate::table::{best, number};
 use crate::trace_scenes::Rng;
 
 /// Orders of camera rays.
-pub const ORDERS: [&str; 3] = ["tile", "block", "pixel"];
+pub const ORDERS: [&str; 4] = ["tile", "block", "pixel", "surface"];
 
 /// What to run.
 #[derive(Clone, Debug)]
@@ -117,7 +118,7 @@ pub struct Tracer {
     /// By [`Group`], in the best way.
     pub traced: [Option<Traced>; 3],
     /// Ours on camera rays, by [`ORDERS`].
-    pub orders: [Option<Traced>; 3],
+    pub orders: [Option<Traced>; ORDERS.len()],
     /// Why there is nothing.
     pub refused: Option<String>,
 }
@@ -268,30 +269,45 @@ pub fn run(
     let mut leaving_hits = vec![Hit::MISS; leaving.len()];
     trace(&world, &leaving, Way::Packets, &mut leaving_hits);
     let mut loads = Vec::new();
-    let mut load = |name, group, rays: Vec<Ray>, hits: Vec<Hit>| {
+    let mut load = |name, group, rays: Vec<Ray>, hits: Vec<Hit>, squares: Vec<Square>| {
         if !rays.is_empty() {
+            let given = surface::order(&world, &rays, &squares);
             loads.push(Load {
                 name,
                 group,
                 rays,
                 hits,
+                squares,
+                given,
             });
         }
     };
     for &order in &options.orders {
+        let mut squares = Vec::new();
         let (rays, hits) = match order {
             "tile" => (rays.clone(), hits.clone()),
             "block" => (
                 by_block(&rays, image, samples),
                 by_block(&hits, image, samples),
             ),
-            _ => (by_pixel(&rays, samples), by_pixel(&hits, samples)),
+            "pixel" => (by_pixel(&rays, samples), by_pixel(&hits, samples)),
+            _ => {
+                let (rays, groups) = by_square(&rays, image, samples);
+                squares = groups;
+                (rays, by_square(&hits, image, samples).0)
+            }
         };
-        load(order, Group::Camera, rays, hits);
+        load(order, Group::Camera, rays, hits, squares);
     }
     drop((rays, hits));
-    load("", Group::Bounce, leaving.clone(), leaving_hits.clone());
-    load("", Group::Shadow, leaving, leaving_hits);
+    load(
+        "",
+        Group::Bounce,
+        leaving.clone(),
+        leaving_hits.clone(),
+        Vec::new(),
+    );
+    load("", Group::Shadow, leaving, leaving_hits, Vec::new());
     let parts: Vec<Load> = loads
         .iter()
         .map(|load| match load.group {

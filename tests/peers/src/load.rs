@@ -1,5 +1,6 @@
 //! Rays to trace, and how long ours and Embree take to trace them.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use glam::DVec3;
@@ -12,6 +13,7 @@ use crate::batch::{Batch, Call, Width};
 use crate::clock::Clock;
 use crate::compare::{Judge, Tally};
 use crate::embree::{CHUNK, Scene};
+use crate::surface::{self, Group as Square};
 use crate::trace_scenes::{instance, object};
 
 /// What is compared with each other.
@@ -46,6 +48,10 @@ pub struct Load {
     pub rays: Vec<Ray>,
     /// Our nearest hits.
     pub hits: Vec<Hit>,
+    /// Squares, in each of which ours finds an order of its own; empty in other orders.
+    pub squares: Vec<Square>,
+    /// That order, for Embree; empty where these rays are in order.
+    pub given: Vec<u32>,
 }
 
 /// One way to trace ours.
@@ -95,9 +101,33 @@ impl Load {
         fn blocks<T: Copy>(of: &[T], every: usize) -> Vec<T> {
             of.chunks(1024).step_by(every).flatten().copied().collect()
         }
+        let (mut rays, mut hits, mut squares) = (Vec::new(), Vec::new(), Vec::new());
+        let mut given = Vec::new();
+        if self.squares.is_empty() {
+            rays = blocks(&self.rays, every);
+            hits = blocks(&self.hits, every);
+        }
+        // As many of these as there would be rays; one at least.
+        for square in self.squares.iter().step_by(every) {
+            let own = square.rays.clone();
+            let first = rays.len();
+            rays.extend_from_slice(&self.rays[own.clone()]);
+            hits.extend_from_slice(&self.hits[own.clone()]);
+            given.extend(
+                self.given[own.clone()]
+                    .iter()
+                    .map(|&i| i - own.start as u32 + first as u32),
+            );
+            squares.push(Square {
+                rays: first..rays.len(),
+                blocks: square.blocks.clone(),
+            });
+        }
         Load {
-            rays: blocks(&self.rays, every),
-            hits: blocks(&self.hits, every),
+            rays,
+            hits,
+            squares,
+            given,
             ..*self
         }
     }
@@ -107,6 +137,19 @@ impl Load {
         match self.name {
             "" => call.into(),
             order => format!("{call} by {order}"),
+        }
+    }
+
+    /// Number of the ray that Embree is given as number `i`.
+    fn given(&self, i: usize) -> usize {
+        self.given.get(i).map_or(i, |&i| i as usize)
+    }
+
+    /// The rays as Embree is given them.
+    fn rays_given(&self) -> Cow<'_, [Ray]> {
+        match self.given.is_empty() {
+            true => (&self.rays).into(),
+            false => self.given.iter().map(|&i| self.rays[i as usize]).collect(),
         }
     }
 
@@ -166,8 +209,9 @@ pub fn trace(world: &World, rays: &[Ray], way: Way, hits: &mut [Hit]) -> TraceCo
 /// Times ours on a load, and checks that the answers are those that are compared with Embree's.
 pub fn time_ours(world: &World, load: &Load, way: Way, clock: Clock) -> Result<f64, String> {
     let fresh = || vec![Hit::MISS; load.rays.len()];
-    let (hits, seconds) = clock.mean(fresh, |hits| {
-        trace(world, &load.rays, way, hits);
+    let (hits, seconds) = clock.mean(fresh, |hits| match &load.squares[..] {
+        [] => drop(trace(world, &load.rays, way, hits)),
+        squares => surface::trace(world, &load.rays, squares, hits),
     });
     let same = hits.iter().zip(&load.hits).all(|(a, b)| match way {
         Way::Any | Way::AnyPackets => a.is_hit() == b.is_hit(),
@@ -188,14 +232,16 @@ pub fn time_peer(
     clock: Clock,
     check: Option<&Judge<'_>>,
 ) -> (f64, Tally) {
-    let fresh = || Batch::new(call.width, &load.rays);
+    let rays = load.rays_given();
+    let fresh = || Batch::new(call.width, &rays);
     let (batch, seconds) = clock.mean(fresh, |batch| scene.trace(batch, call));
     let mut tally = Tally::default();
     if let Some(judge) = check {
         let parts: Vec<Tally> = (0..load.rays.len())
             .into_par_iter()
             .fold(Tally::default, |mut tally, i| {
-                let (ray, hit) = (&load.rays[i], &load.hits[i]);
+                let own = load.given(i);
+                let (ray, hit) = (&load.rays[own], &load.hits[own]);
                 if call.any {
                     judge.blocked(ray, hit, batch.occluded(i), &mut tally);
                 } else {

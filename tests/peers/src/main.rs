@@ -23,6 +23,7 @@ mod load;
 mod rays;
 mod report;
 mod scenes;
+mod surface;
 mod table;
 #[path = "../../../core/tests/trace_scenes/mod.rs"]
 mod trace_scenes;

@@ -1,4 +1,4 @@
-//! Rays of a camera with a lens and a shutter, in three orders, and rays that leave what they hit.
+//! Rays of a camera with a lens and a shutter, in several orders, and rays that leave what they hit.
 
 use std::f32::consts::TAU;
 
@@ -6,6 +6,7 @@ use glam::Vec3;
 use hdtrapeze_core::grid::{PlanarMesh, lerp_position, locate_key};
 use hdtrapeze_core::trace::{Hit, Ray};
 
+use crate::surface::Group;
 use crate::trace_scenes::{Rng, ray};
 
 /// A thin lens that looks from `eye` at `target`, in focus there.
@@ -20,6 +21,10 @@ pub struct Lens {
 
 /// Pixels of a tile: a packet is one stratum of them.
 const TILE: usize = 16;
+/// Pixels along a block.
+const BLOCK: usize = 8;
+/// Pixels along a square.
+const SQUARE: usize = 32;
 
 impl Lens {
     pub fn new(eye: Vec3, target: Vec3, radius: f32, half_width: f32) -> Self {
@@ -73,26 +78,64 @@ pub fn by_pixel<T: Copy>(of_rays: &[T], samples: usize) -> Vec<T> {
 
 /// Rays, or what belongs to each, by blocks of 8x8 pixels, and in each by strata: 64 rays in a row are neighbours
 /// in space and time. What does not fill a block of four tiles follows by tile.
-pub fn by_block<T: Copy>(of_rays: &[T], [width, height]: [usize; 2], samples: usize) -> Vec<T> {
-    let (columns, rows) = (width / 4, height / 4);
-    let tile =
-        |x: usize, y: usize| &of_rays[(y * columns + x) * TILE * samples..][..TILE * samples];
+pub fn by_block<T: Copy>(of_rays: &[T], image: [usize; 2], samples: usize) -> Vec<T> {
     let mut out = Vec::with_capacity(of_rays.len());
-    for y in (0..rows).step_by(2) {
-        for x in (0..columns).step_by(2) {
-            let tiles: Vec<&[T]> = [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)]
-                .into_iter()
-                .filter(|&(x, y)| x < columns && y < rows)
-                .map(|(x, y)| tile(x, y))
-                .collect();
-            for stratum in 0..samples {
-                for tile in &tiles {
-                    out.extend_from_slice(&tile[stratum * TILE..][..TILE]);
-                }
-            }
+    for y in (0..image[1]).step_by(BLOCK) {
+        for x in (0..image[0]).step_by(BLOCK) {
+            block(of_rays, image, samples, [x, y], &mut out);
         }
     }
     out
+}
+
+/// Adds those of the block whose first pixel is `at`.
+fn block<T: Copy>(
+    of_rays: &[T],
+    [width, height]: [usize; 2],
+    samples: usize,
+    [x, y]: [usize; 2],
+    out: &mut Vec<T>,
+) {
+    let (columns, rows) = (width / 4, height / 4);
+    let (x, y) = (x / 4, y / 4);
+    let tiles: Vec<&[T]> = [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)]
+        .into_iter()
+        .filter(|&(x, y)| x < columns && y < rows)
+        .map(|(x, y)| &of_rays[(y * columns + x) * TILE * samples..][..TILE * samples])
+        .collect();
+    for stratum in 0..samples {
+        for tile in &tiles {
+            out.extend_from_slice(&tile[stratum * TILE..][..TILE]);
+        }
+    }
+}
+
+/// Rays, or what belongs to each, by squares of 32x32 pixels, and in each by blocks, with the rays of each square.
+pub fn by_square<T: Copy>(
+    of_rays: &[T],
+    image: [usize; 2],
+    samples: usize,
+) -> (Vec<T>, Vec<Group>) {
+    let mut out = Vec::with_capacity(of_rays.len());
+    let mut groups = Vec::new();
+    for top in (0..image[1]).step_by(SQUARE) {
+        for left in (0..image[0]).step_by(SQUARE) {
+            let first = out.len();
+            let mut blocks = Vec::new();
+            for y in (top..image[1].min(top + SQUARE)).step_by(BLOCK) {
+                for x in (left..image[0].min(left + SQUARE)).step_by(BLOCK) {
+                    let begin = out.len() - first;
+                    block(of_rays, image, samples, [x, y], &mut out);
+                    blocks.push(begin..out.len() - first);
+                }
+            }
+            groups.push(Group {
+                rays: first..out.len(),
+                blocks,
+            });
+        }
+    }
+    (out, groups)
 }
 
 /// One ray from each of about `count` hits, evenly chosen, at a time of its own: from where the point that was hit
@@ -215,9 +258,50 @@ mod tests {
             .flat_map(|tile| tile..tile + 16);
         assert!(first.eq(by_block[..64].iter().copied()));
         let mut by_pixel = by_pixel(&rays, 4);
+        let (mut by_square, groups) = by_square(&rays, [12, 20], 4);
+        assert_eq!(by_square, by_block, "all in one square");
+        assert_eq!(groups.len(), 1);
+        assert_eq!(groups[0].blocks[..2], [0..256, 256..384]);
         by_block.sort_unstable();
+        by_square.sort_unstable();
         by_pixel.sort_unstable();
         assert_eq!(by_block, rays);
+        assert_eq!(by_square, rays);
         assert_eq!(by_pixel, rays);
+    }
+
+    #[test]
+    fn squares_hold_what_is_near() {
+        let image = [72, 40];
+        // The pixel of each ray, as [`Lens::rays`] has them.
+        let pixels: Vec<[usize; 2]> = (0..image[0] / 4 * (image[1] / 4))
+            .flat_map(|tile| {
+                let first = [tile % (image[0] / 4) * 4, tile / (image[0] / 4) * 4];
+                (0..4 * TILE).map(move |i| [first[0] + i % 4, first[1] + i % TILE / 4])
+            })
+            .collect();
+        let (by_square, groups) = by_square(&pixels, image, 4);
+        assert_eq!(groups.len(), 6);
+        let mut end = 0;
+        for (i, group) in groups.iter().enumerate() {
+            assert_eq!(group.rays.start, end);
+            end = group.rays.end;
+            let first = [i % 3 * SQUARE, i / 3 * SQUARE];
+            let own = &by_square[group.rays.clone()];
+            let mut begin = 0;
+            for block in &group.blocks {
+                assert_eq!(block.start, begin);
+                begin = block.end;
+                let corner = own[block.start];
+                for at in &own[block.clone()] {
+                    for axis in 0..2 {
+                        assert!((first[axis]..first[axis] + SQUARE).contains(&at[axis]));
+                        assert!((corner[axis]..corner[axis] + BLOCK).contains(&at[axis]));
+                    }
+                }
+            }
+            assert_eq!(begin, own.len());
+        }
+        assert_eq!(end, pixels.len());
     }
 }
