@@ -168,7 +168,11 @@ fn in_slabs(places: &[[f32; 2]]) -> Option<Vec<u32>> {
     for key in &mut keys {
         let (column, bin) = (usize::from(*key) / BINS, usize::from(*key) % BINS);
         let slab = columns[column] as usize;
-        let bin = if slab % 2 == 0 { bin } else { BINS - 1 - bin };
+        let bin = if slab.is_multiple_of(2) {
+            bin
+        } else {
+            BINS - 1 - bin
+        };
         *key = (slab * BINS + bin) as u16;
         begin[usize::from(*key)] += 1;
     }
