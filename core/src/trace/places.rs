@@ -21,7 +21,7 @@ use glam::{DAffine3, DMat3, DVec3, Vec3};
 use hdtrapeze_simd::{Float, Simd};
 
 use super::deferred::Deferred;
-use super::instance::may_invert;
+use super::instance::{may_invert, normal_matrix};
 use super::packet::{LANES, Rays};
 use crate::bvh::{LinearBox, ObjectGeometry};
 use crate::grid::locate_key;
@@ -252,6 +252,15 @@ impl InstanceSet {
             Places::Moving { key_times, records } => {
                 moving_at(key_times, records, i, time, world_origin)
             }
+        }
+    }
+
+    /// `n` of the mesh, of any length, as it is in the world at `time` up to a positive scale.
+    pub(super) fn normal_to_world(&self, i: usize, time: f32, n: DVec3) -> DVec3 {
+        match &self.places {
+            Places::Translated(_) => n,
+            // Where the world begins does not turn anything.
+            _ => normal_matrix(&self.to_world(i, time, DVec3::ZERO).matrix3) * n,
         }
     }
 

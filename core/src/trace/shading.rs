@@ -5,7 +5,6 @@
 
 use glam::{DVec3, Vec3};
 
-use super::instance::normal_matrix;
 use super::world::{Numbered, World, clamp_time};
 use super::{Hit, Ray};
 use crate::bvh::ObjectGeometry;
@@ -89,14 +88,9 @@ impl World {
         } else {
             (p[2] - p[0]).cross(p[3] - p[0])
         };
-        let m = set.set.to_world(i, time, self.origin);
         // Scaled first: areas of small cells must not underflow.
-        let n = n.normalize_or_zero();
-        Some(
-            (normal_matrix(&m.matrix3) * n)
-                .normalize_or_zero()
-                .as_vec3(),
-        )
+        let n = set.set.normal_to_world(i, time, n.normalize_or_zero());
+        Some(n.normalize_or_zero().as_vec3())
     }
 
     /// Unit shading normal at `time`, interpolated between keys and over the cell; the geometric one
@@ -130,8 +124,8 @@ impl World {
             };
             sum + n * w[i]
         });
-        let m = set.set.to_world(i, time, self.origin);
-        let n = (normal_matrix(&m.matrix3) * n.as_dvec3()).normalize_or_zero();
+        let n = set.set.normal_to_world(i, time, n.as_dvec3());
+        let n = n.normalize_or_zero();
         if n == DVec3::ZERO {
             self.geometric_normal(hit, time)
         } else {
