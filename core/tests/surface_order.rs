@@ -16,7 +16,7 @@ use hdtrapeze_core::scene::{
 use hdtrapeze_core::surface::{MeshTopology, Scheme};
 use support::NoSubdivision;
 
-const SIZE: [u32; 2] = [40, 24];
+const SIZE: [u32; 2] = [43, 27];
 /// Faces along a side.
 const SIDE: u32 = 60;
 

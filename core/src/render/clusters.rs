@@ -167,8 +167,9 @@ impl OnDemand {
         let deferred = |cluster: usize| {
             let work = Arc::clone(&work);
             let make = Arc::new(move || work.make(cluster));
-            let vertices = clusters.expected(cluster) as usize;
-            let bytes = vertices.saturating_mul(size_of::<Vec3>() * keys);
+            // As many vertices, about, where grids are large.
+            let micropolygons = clusters.expected(cluster) as usize;
+            let bytes = micropolygons.saturating_mul(size_of::<Vec3>() * keys);
             Arc::new(Deferred::new(*clusters.bounds(cluster), bytes, make))
         };
         let all = 0..clusters.len();

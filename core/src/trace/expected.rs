@@ -163,6 +163,8 @@ mod tests {
         let met: Vec<Met> = points().map(met).collect();
         let expected = Expected::fitted(&met, Vec3::NEG_Z).unwrap();
         assert!(expected.spread < 1e-3, "{expected:?}");
+        let normal = Vec3::new(0.3, -0.2, -1.0).normalize();
+        assert!(expected.normal.normalize().dot(normal) > 0.9999);
         for p in points() {
             for (time, lens) in [(0.0, 0.3), (0.4, -0.2), (1.0, 0.0), (0.9, 0.5)] {
                 let origin = Vec3::new(lens, 0.1 - lens, 4.0);

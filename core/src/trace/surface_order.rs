@@ -57,7 +57,7 @@ pub fn by_surface<'r>(
     if !world.is_far() || count < LEAST_RAYS || u32::try_from(count).is_err() {
         return None;
     }
-    // Spread over blocks, samples and pixels.
+    // Spread over blocks and pixels; where what they hit is at other times is known of each.
     let probes: [Ray; PROBES] = std::array::from_fn(|k| {
         let at = k * (count / PROBES) + (27 * k + 9) % PACKET;
         *ray(at.min(count - 1))
@@ -289,6 +289,7 @@ mod tests {
         let mut counts = TraceCounts::default();
         let order = by_surface(world, |i| &rays[i], usual, &mut counts);
         assert_eq!(counts.rays, 0);
+        assert!(order.is_none() || counts.node_tests > 0);
         order
     }
 
@@ -366,6 +367,9 @@ mod tests {
             .collect();
         assert!(ordered(&world, &aside, &blocks).is_none());
         assert!(ordered(&world, &vec![rays[0]; rays.len()], &blocks).is_none());
+        let mut few = aside;
+        few[..rays.len() / 4].copy_from_slice(&rays[..rays.len() / 4]);
+        assert!(ordered(&world, &few, &blocks).is_none());
         // What caches hold.
         let small = sheet(1, way * 0.1, still);
         assert!(!small.is_far() && ordered(&small, &rays, &blocks).is_none());
@@ -387,6 +391,38 @@ mod tests {
             })
             .collect();
         assert!(ordered(&world, &broken, &blocks).is_none());
+    }
+
+    #[test]
+    fn blocks_of_any_size_are_no_trouble() {
+        let world = sheet(16, Vec3::new(0.6, 0.3, 0.0), |_| Vec3::ZERO);
+        let (rays, _) = tile(0.2, 8);
+        let ragged = [64, 63, 0, 128, 1, 65, 100, 64, 700, 64, 64, 127];
+        for sizes in [&ragged[..], &[64; 16], &[63; 17], &[1; 1024], &[1024]] {
+            let mut end = 0;
+            let blocks: Vec<Range<usize>> = sizes
+                .iter()
+                .map(|size| {
+                    end += size;
+                    end - size..end
+                })
+                .collect();
+            for by_time in [false, true] {
+                let usual = Usual {
+                    blocks: &blocks,
+                    by_time,
+                };
+                let ray = |i: usize| &rays[i];
+                let order = by_surface(&world, ray, usual, &mut TraceCounts::default());
+                // Nothing is known of what packets meet where no block fills one.
+                let filled = sizes.iter().any(|&size| size >= PACKET);
+                assert!(filled || order.is_none(), "{sizes:?}");
+                if let Some(mut order) = order {
+                    order.sort_unstable();
+                    assert!(order.into_iter().eq(0..end as u32), "{sizes:?}");
+                }
+            }
+        }
     }
 
     /// Mean area of the boxes around packets, to what it would be if they covered all once.

@@ -525,21 +525,21 @@ mod tests {
     use super::*;
     use crate::grid::{DicedMesh, Grid};
 
-    /// A grid whose positions take half of what is far, and a little more.
+    /// Grids whose positions take half of what is far, and a little more.
     fn half() -> Arc<ObjectGeometry> {
-        let vertices = FAR / size_of::<[f32; 3]>() / 2 + 1;
-        let nu = vertices.div_ceil(2) as u16;
-        let vertices = (usize::from(nu) + 1) * 2;
+        const SIZE: usize = 4;
+        let count = FAR / size_of::<[f32; 3]>() / 2 / SIZE + 1;
+        let grid = |i: usize| Grid {
+            first_vertex: (i * SIZE) as u32,
+            element: 0,
+            nu: 1,
+            nv: 1,
+        };
         let mesh = DicedMesh {
             key_times: vec![0.0],
-            grids: vec![Grid {
-                first_vertex: 0,
-                element: 0,
-                nu,
-                nv: 1,
-            }],
-            vertex_count: vertices,
-            positions: vec![glam::Vec3::ONE; vertices],
+            grids: (0..count).map(grid).collect(),
+            vertex_count: count * SIZE,
+            positions: vec![glam::Vec3::ONE; count * SIZE],
             ..DicedMesh::default()
         };
         Arc::new(ObjectGeometry::new(mesh))
@@ -576,5 +576,9 @@ mod tests {
         assert!(far(vec![made(&a), later(FAR / 2)]));
         assert!(far(vec![later(FAR / 2), later(FAR / 2)]));
         assert!(far(vec![later(usize::MAX), made(&a)]));
+        // Those that were, as they are.
+        let empty = later(FAR);
+        assert_eq!(empty.object().mesh().position_bytes(), 0);
+        assert!(!far(vec![made(&a), empty]));
     }
 }

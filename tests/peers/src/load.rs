@@ -136,6 +136,8 @@ impl Load {
     pub fn how(&self, call: &str) -> String {
         match self.name {
             "" => call.into(),
+            // No order was found anywhere.
+            "surface" if self.given.is_sorted() => format!("{call} by square"),
             order => format!("{call} by {order}"),
         }
     }
@@ -255,4 +257,54 @@ pub fn time_peer(
         }
     }
     (load.rate(seconds), tally)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::trace_scenes::ray;
+    use glam::Vec3;
+
+    #[test]
+    fn embree_is_given_each_ray_of_a_part_in_the_order_of_its_square() {
+        let square = |rays: std::ops::Range<usize>| Square {
+            blocks: vec![0..rays.len()],
+            rays,
+        };
+        // Squares of 32, 16, 48 and 16 rays, each in reverse.
+        let squares = [0..32, 32..48, 48..96, 96..112].map(square);
+        let given = squares.iter().flat_map(|s| s.rays.clone().rev());
+        let load = Load {
+            name: "surface",
+            group: Group::Camera,
+            rays: (0..112u8)
+                .map(|i| ray(Vec3::X * f32::from(i), Vec3::Z, 0.0))
+                .collect(),
+            hits: vec![Hit::MISS; 112],
+            given: given.map(|i| i as u32).collect(),
+            squares: squares.into(),
+        };
+        let numbers = |load: &Load| -> Vec<usize> {
+            let rays = load.rays_given();
+            for (i, ray) in rays.iter().enumerate() {
+                assert_eq!(*ray, load.rays[load.given(i)]);
+            }
+            rays.iter().map(|ray| ray.origin.x as usize).collect()
+        };
+        let whole: Vec<usize> = [0..32, 32..48, 48..96, 96..112]
+            .into_iter()
+            .flat_map(std::iter::Iterator::rev)
+            .collect();
+        assert_eq!(numbers(&load), whole);
+        assert_eq!(load.how("8"), "8 by surface");
+
+        let mut part = load.part(2);
+        let first_and_third: Vec<usize> = (0..32).rev().chain((48..96).rev()).collect();
+        assert_eq!(numbers(&part), first_and_third);
+        assert_eq!(part.hits.len(), 80);
+        let ranges: Vec<_> = part.squares.iter().map(|s| s.rays.clone()).collect();
+        assert_eq!(ranges, [0..32, 32..80]);
+        part.given = (0..80).collect();
+        assert_eq!(part.how("8"), "8 by square");
+    }
 }
