@@ -268,7 +268,7 @@ mod tests {
     #[test]
     fn embree_is_given_each_ray_of_a_part_in_the_order_of_its_square() {
         let square = |rays: std::ops::Range<usize>| Square {
-            blocks: vec![0..rays.len()],
+            blocks: vec![0..8, 8..rays.len()],
             rays,
         };
         // Squares of 32, 16, 48 and 16 rays, each in reverse.
@@ -293,7 +293,7 @@ mod tests {
         };
         let whole: Vec<usize> = [0..32, 32..48, 48..96, 96..112]
             .into_iter()
-            .flat_map(std::iter::Iterator::rev)
+            .flat_map(Iterator::rev)
             .collect();
         assert_eq!(numbers(&load), whole);
         assert_eq!(load.how("8"), "8 by surface");
