@@ -3,7 +3,7 @@
 //!
 //! Rays of one pixel, or of one instant, meet places all over a surface where it moves fast or is out of focus. So a few
 //! are traced first, the others followed to what these met ([`super::expected`]), and cut into packets by where they end there.
-//! Those of a packet have their groups of micropolygons in common, and so memory, which is what rays wait for where objects are large.
+//! Those of a packet have their groups of micropolygons in common, and so memory, which is what rays wait for where scenes are large.
 //! Where what was met moves in several ways, or at several depths, that tells nothing, and the usual order stays.
 //!
 //! Hits do not depend on the order.

@@ -19,7 +19,7 @@ use crate::load::{
 };
 use crate::rays::{by_block, by_pixel, by_square, secondary};
 use crate::scenes::{Family, Indices, Shape, Vertices, frozen};
-use crate::surface::{self, Group as Square};
+use crate::surface::{self, Square};
 use crate::table::{best, number};
 use crate::trace_scenes::Rng;
 
@@ -292,8 +292,8 @@ pub fn run(
             ),
             "pixel" => (by_pixel(&rays, samples), by_pixel(&hits, samples)),
             _ => {
-                let (rays, groups) = by_square(&rays, image, samples);
-                squares = groups;
+                let (rays, of_rays) = by_square(&rays, image, samples);
+                squares = of_rays;
                 (rays, by_square(&hits, image, samples).0)
             }
         };

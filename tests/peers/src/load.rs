@@ -13,7 +13,7 @@ use crate::batch::{Batch, Call, Width};
 use crate::clock::Clock;
 use crate::compare::{Judge, Tally};
 use crate::embree::{CHUNK, Scene};
-use crate::surface::{self, Group as Square};
+use crate::surface::{self, Square};
 use crate::trace_scenes::{instance, object};
 
 /// What is compared with each other.

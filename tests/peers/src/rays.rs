@@ -6,7 +6,7 @@ use glam::Vec3;
 use hdtrapeze_core::grid::{PlanarMesh, lerp_position, locate_key};
 use hdtrapeze_core::trace::{Hit, Ray};
 
-use crate::surface::Group;
+use crate::surface::Square;
 use crate::trace_scenes::{Rng, ray};
 
 /// A thin lens that looks from `eye` at `target`, in focus there.
@@ -115,9 +115,9 @@ pub fn by_square<T: Copy>(
     of_rays: &[T],
     image: [usize; 2],
     samples: usize,
-) -> (Vec<T>, Vec<Group>) {
+) -> (Vec<T>, Vec<Square>) {
     let mut out = Vec::with_capacity(of_rays.len());
-    let mut groups = Vec::new();
+    let mut squares = Vec::new();
     for top in (0..image[1]).step_by(SQUARE) {
         for left in (0..image[0]).step_by(SQUARE) {
             let first = out.len();
@@ -129,13 +129,13 @@ pub fn by_square<T: Copy>(
                     blocks.push(begin..out.len() - first);
                 }
             }
-            groups.push(Group {
+            squares.push(Square {
                 rays: first..out.len(),
                 blocks,
             });
         }
     }
-    (out, groups)
+    (out, squares)
 }
 
 /// One ray from each of about `count` hits, evenly chosen, at a time of its own: from where the point that was hit
@@ -258,10 +258,10 @@ mod tests {
             .flat_map(|tile| tile..tile + 16);
         assert!(first.eq(by_block[..64].iter().copied()));
         let mut by_pixel = by_pixel(&rays, 4);
-        let (mut by_square, groups) = by_square(&rays, [12, 20], 4);
+        let (mut by_square, squares) = by_square(&rays, [12, 20], 4);
         assert_eq!(by_square, by_block, "all in one square");
-        assert_eq!(groups.len(), 1);
-        assert_eq!(groups[0].blocks[..2], [0..256, 256..384]);
+        assert_eq!(squares.len(), 1);
+        assert_eq!(squares[0].blocks[..2], [0..256, 256..384]);
         by_block.sort_unstable();
         by_square.sort_unstable();
         by_pixel.sort_unstable();
@@ -280,16 +280,16 @@ mod tests {
                 (0..4 * TILE).map(move |i| [first[0] + i % 4, first[1] + i % TILE / 4])
             })
             .collect();
-        let (by_square, groups) = by_square(&pixels, image, 4);
-        assert_eq!(groups.len(), 6);
+        let (by_square, squares) = by_square(&pixels, image, 4);
+        assert_eq!(squares.len(), 6);
         let mut end = 0;
-        for (i, group) in groups.iter().enumerate() {
-            assert_eq!(group.rays.start, end);
-            end = group.rays.end;
+        for (i, square) in squares.iter().enumerate() {
+            assert_eq!(square.rays.start, end);
+            end = square.rays.end;
             let first = [i % 3 * SQUARE, i / 3 * SQUARE];
-            let own = &by_square[group.rays.clone()];
+            let own = &by_square[square.rays.clone()];
             let mut begin = 0;
-            for block in &group.blocks {
+            for block in &square.blocks {
                 assert_eq!(block.start, begin);
                 begin = block.end;
                 let corner = own[block.start];

@@ -9,15 +9,15 @@ use rayon::prelude::*;
 
 /// Rays of a square of pixels, among which an order is found.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Group {
+pub struct Square {
     /// Among all rays.
     pub rays: Range<usize>,
-    /// Of each block of pixels, from the group's first on.
+    /// Of each block of pixels, from the square's first on.
     pub blocks: Vec<Range<usize>>,
 }
 
-impl Group {
-    /// The order of its rays, where one is found, by their numbers in the group. What it costs is added to `counts`.
+impl Square {
+    /// The order of its rays, where one is found, by their numbers in the square. What it costs is added to `counts`.
     fn order(&self, world: &World, rays: &[Ray], counts: &mut TraceCounts) -> Option<Vec<u32>> {
         // By strata, and so by time, already.
         let usual = Usual {
@@ -28,24 +28,24 @@ impl Group {
     }
 }
 
-/// Splits what belongs to all rays by group.
-fn split<'a, T>(groups: &[Group], mut rest: &'a mut [T]) -> Vec<&'a mut [T]> {
-    let mut parts = Vec::with_capacity(groups.len());
-    for group in groups {
-        let (part, others) = rest.split_at_mut(group.rays.len());
+/// Splits what belongs to all rays by square.
+fn split<'a, T>(squares: &[Square], mut rest: &'a mut [T]) -> Vec<&'a mut [T]> {
+    let mut parts = Vec::with_capacity(squares.len());
+    for square in squares {
+        let (part, others) = rest.split_at_mut(square.rays.len());
         parts.push(part);
         rest = others;
     }
     parts
 }
 
-/// Our hits, on all threads: finds an order in each group, and traces its rays in that.
-pub fn trace(world: &World, rays: &[Ray], groups: &[Group], hits: &mut [Hit]) {
-    let each = groups.par_iter().zip(split(groups, hits));
-    each.for_each(|(group, hits)| {
-        let rays = &rays[group.rays.clone()];
+/// Our hits, on all threads: finds an order in each square, and traces its rays in that.
+pub fn trace(world: &World, rays: &[Ray], squares: &[Square], hits: &mut [Hit]) {
+    let each = squares.par_iter().zip(split(squares, hits));
+    each.for_each(|(square, hits)| {
+        let rays = &rays[square.rays.clone()];
         let mut counts = TraceCounts::default();
-        let Some(order) = group.order(world, rays, &mut counts) else {
+        let Some(order) = square.order(world, rays, &mut counts) else {
             world.trace_many(rays, hits, &mut counts);
             return;
         };
@@ -65,12 +65,12 @@ pub fn trace(world: &World, rays: &[Ray], groups: &[Group], hits: &mut [Hit]) {
 }
 
 /// Numbers of all rays in that order.
-pub fn order(world: &World, rays: &[Ray], groups: &[Group]) -> Vec<u32> {
-    let each = groups.par_iter().map(|group| {
-        let own = &rays[group.rays.clone()];
-        let order = group.order(world, own, &mut TraceCounts::default());
+pub fn order(world: &World, rays: &[Ray], squares: &[Square]) -> Vec<u32> {
+    let each = squares.par_iter().map(|square| {
+        let own = &rays[square.rays.clone()];
+        let order = square.order(world, own, &mut TraceCounts::default());
         let order = order.unwrap_or_else(|| (0..own.len() as u32).collect());
-        let first = group.rays.start as u32;
+        let first = square.rays.start as u32;
         order.into_iter().map(|i| first + i).collect::<Vec<_>>()
     });
     each.collect::<Vec<_>>().concat()
