@@ -2,10 +2,12 @@
 //!
 //! A ray is followed to the plane, and from there back to one instant, which tells where on the surface it ends, whatever time
 //! and lens point it has. That chooses an order of rays and nothing else, so f32 is enough, and numbers that are not
-//! finite are dealt with where the order is made.
+//! finite are dealt with where the order is made. It has the same bits on every level of instructions.
 
 use glam::{Mat2, Vec2, Vec3};
+use hdtrapeze_simd::{Float, Kernel, Level, Simd};
 
+use super::packet::{LANES, Lanes, columns};
 use super::{Hit, Ray, World};
 
 /// Rays that are traced first.
@@ -34,6 +36,62 @@ struct Met {
     point: Vec3,
     way: Vec3,
     bend: Vec3,
+}
+
+/// Where on a surface rays end, at half the shutter.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Places {
+    /// Along the image, in vectors; behind the last ray, its place again.
+    pub at: Vec<[Lanes; 2]>,
+    /// Number of rays.
+    pub count: usize,
+}
+
+impl Places {
+    /// Place of ray `i`.
+    pub fn of(&self, i: usize) -> [f32; 2] {
+        self.at[i / LANES].map(|lanes| lanes[i % LANES])
+    }
+}
+
+#[inline(always)]
+fn dot<S: Simd>(simd: S, [x, y, z]: [S::F16; 3], by: Vec3) -> S::F16 {
+    x * simd.all16(by.x) + y * simd.all16(by.y) + z * simd.all16(by.z)
+}
+
+/// [`Expected::places`]; `ray` answers beyond the last too.
+struct Follow<'a, F> {
+    expected: &'a Expected,
+    count: usize,
+    ray: F,
+}
+
+impl<'r, F: Fn(usize) -> &'r Ray> Kernel for Follow<'_, F> {
+    type Output = Places;
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> Places {
+        let Self {
+            expected,
+            count,
+            ray,
+        } = self;
+        let mut at = Vec::with_capacity(count.div_ceil(LANES));
+        for first in (0..count).step_by(LANES) {
+            let rays: [&Ray; LANES] = std::array::from_fn(|lane| ray(first + lane));
+            let (first, last) = rays.split_at(LANES / 2);
+            let [x, y, z, dx, dy, dz, time, _] = columns(simd, first);
+            let [x_, y_, z_, dx_, dy_, dz_, time_, _] = columns(simd, last);
+            let origin = [simd.halves(x, x_), simd.halves(y, y_), simd.halves(z, z_)];
+            let dir = [
+                simd.halves(dx, dx_),
+                simd.halves(dy, dy_),
+                simd.halves(dz, dz_),
+            ];
+            let [x, y] = expected.place(simd, origin, dir, simd.halves(time, time_));
+            at.push([x.to_array(), y.to_array()]);
+        }
+        Places { at, count }
+    }
 }
 
 impl Met {
@@ -102,18 +160,46 @@ impl Expected {
         })
     }
 
-    /// Where what a ray meets on the plane is at half the shutter, along the image.
-    #[inline]
-    pub fn place(&self, ray: &Ray) -> [f32; 2] {
-        let time = ray.time - 0.5;
-        let to = self.point + self.velocity * time - ray.origin;
-        let t = to.dot(self.normal) / ray.dir.dot(self.normal);
-        let off = ray.dir * t - to;
-        let [x, y] = self.along.map(|axis| off.dot(axis));
-        let [right, up] = self.shear.map(|shear| shear * time);
-        let (xx, yy) = (1.0 + right.x, 1.0 + up.y);
-        let scale = 1.0 / (xx * yy - right.y * up.x);
-        [(yy * x - right.y * y) * scale, (xx * y - up.x * x) * scale]
+    /// Where what rays meet on the plane is at half the shutter, along the image.
+    // Loops in place of closures, which are compiled without a level's instructions where they are not inlined.
+    #[inline(always)]
+    fn place<S: Simd>(
+        &self,
+        simd: S,
+        origin: [S::F16; 3],
+        dir: [S::F16; 3],
+        time: S::F16,
+    ) -> [S::F16; 2] {
+        let time = time - simd.all16(0.5);
+        let mut to = origin;
+        for (axis, to) in to.iter_mut().enumerate() {
+            let at = simd.all16(self.velocity[axis]) * time + simd.all16(self.point[axis]);
+            *to = at - *to;
+        }
+        let t = dot(simd, to, self.normal).over(dot(simd, dir, self.normal));
+        let mut off = to;
+        for (off, dir) in off.iter_mut().zip(dir) {
+            *off = dir * t - *off;
+        }
+        let [right, up] = self.along;
+        let (x, y) = (dot(simd, off, right), dot(simd, off, up));
+        let [right, up] = self.shear;
+        let xx = simd.all16(right.x) * time + simd.all16(1.0);
+        let xy = simd.all16(right.y) * time;
+        let yx = simd.all16(up.x) * time;
+        let yy = simd.all16(up.y) * time + simd.all16(1.0);
+        let scale = simd.all16(1.0).over(xx * yy - xy * yx);
+        [(yy * x - xy * y) * scale, (xx * y - yx * x) * scale]
+    }
+
+    /// Where what each of `count` rays meets on the plane is at half the shutter, along the image.
+    pub fn places<'r>(&self, level: Level, count: usize, ray: impl Fn(usize) -> &'r Ray) -> Places {
+        let (expected, last) = (self, count.saturating_sub(1));
+        level.run(Follow {
+            expected,
+            count,
+            ray: |i: usize| ray(i.min(last)),
+        })
     }
 
     /// The area of the surface that rays meet together, by their places and times.
@@ -158,6 +244,27 @@ mod tests {
         (0..12u8).map(|i| Vec2::new(f32::from(i % 4), f32::from(i / 4)) * 0.1 - 0.15)
     }
 
+    /// What one of many rays meets, on which all levels agree.
+    fn place(expected: &Expected, ray: &Ray) -> [f32; 2] {
+        let at = 21;
+        let aside = Ray {
+            time: 1.0 - ray.time,
+            ..*ray
+        };
+        let rays = |i: usize| if i == at { ray } else { &aside };
+        let place = expected.places(Level::SCALAR, at + 1, rays);
+        for level in Level::available() {
+            assert_eq!(expected.places(level, at + 1, rays), place, "{level:?}");
+        }
+        assert_eq!(place.count, at + 1);
+        // The last one, and what is behind it.
+        for i in at..place.at.len() * LANES {
+            assert_eq!(place.of(i), place.of(at));
+        }
+        assert!(place.of(0) != place.of(at) || ray.time == 0.5);
+        place.of(at)
+    }
+
     #[test]
     fn rays_end_where_the_surface_is_at_half_the_shutter() {
         let met: Vec<Met> = points().map(met).collect();
@@ -177,7 +284,7 @@ mod tests {
                 };
                 let off = at(p, 0.5) - expected.point;
                 let should = expected.along.map(|axis| off.dot(axis));
-                let is = expected.place(&ray);
+                let is = place(&expected, &ray);
                 let error = (Vec2::from(is) - Vec2::from(should)).length();
                 // Depths shear too, which is not followed; a shutter's way is 50 times as far.
                 assert!(error < 0.02, "{p} at {time} from {lens}: {error}");
@@ -225,7 +332,7 @@ mod tests {
                 t_min: 0.0,
                 t_max: f32::INFINITY,
             };
-            assert!(expected.place(&ray).iter().all(|x| x.is_finite()));
+            assert!(place(&expected, &ray).iter().all(|x| x.is_finite()));
         }
         let nowhere = Met {
             point: Vec3::splat(f32::NAN),

@@ -32,6 +32,7 @@ mod query;
 mod query_packet;
 #[cfg(test)]
 mod random;
+mod rectangles;
 mod relative;
 mod room;
 mod scattered;

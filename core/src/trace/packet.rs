@@ -3,9 +3,12 @@
 //! A packet answers for each ray what [`ObjectRay`](super::object_ray::ObjectRay) and [`CellRay`](super::cell::CellRay) answer for one: the same
 //! formulas with the same pads, so the same proofs hold. Hits do not depend on who shares a packet.
 
+use std::borrow::Borrow;
+
 use glam::Vec3;
 use hdtrapeze_simd::{Float, Mask, Part, Simd};
 
+use super::Ray;
 use super::object_ray::{DIR_RANGE, LEAST_DIR, SLAB_PAD, TINY_PAD};
 use crate::bvh::bowing::Bowing;
 use crate::bvh::turn::{TURN_PADS, Turning};
@@ -80,6 +83,18 @@ impl Rays {
     pub fn dir_of(&self, lane: usize) -> Vec3 {
         Vec3::new(self.dir[0][lane], self.dir[1][lane], self.dir[2][lane])
     }
+}
+
+/// Origins, directions, times and `t_min` of up to 8 rays, a vector for each number; NaN where there is no ray.
+#[inline(always)]
+pub fn columns<S: Simd, R: Borrow<Ray>>(simd: S, rays: &[R]) -> [S::F8; LANES / 2] {
+    let mut rows = [simd.all8(f32::NAN); LANES / 2];
+    for (ray, row) in rays.iter().zip(&mut rows) {
+        let ray = ray.borrow();
+        let ([x, y, z], [dx, dy, dz]) = (ray.origin.to_array(), ray.dir.to_array());
+        *row = simd.from8(&[x, y, z, dx, dy, dz, ray.time, ray.t_min]);
+    }
+    simd.transposed(rows)
 }
 
 /// Rays prepared for slab tests in one frame, mirrored so that each goes upward along each axis: `t = plane to + base`,

@@ -7,7 +7,7 @@ use hdtrapeze_simd::{Float, Kernel, Mask, Simd};
 use super::inside::InsideMany;
 use super::late::Late;
 use super::movers::MoversMany;
-use super::packet::{LANES, Lanes, PACKET, Packet, Rays, VECTORS, part, split};
+use super::packet::{LANES, Lanes, PACKET, Packet, Rays, VECTORS, columns, part, split};
 use super::queries::Queries;
 use super::room::{Room, Space};
 use super::traverse_packet::{Items, walk_packet};
@@ -298,14 +298,11 @@ fn pack<S: Simd>(simd: S, rays: &[Ray], packed: &mut Rays, queries: &mut Queries
     let mut t_max = [f32::NAN; LANES];
     let mut t_min = [f32::NAN; LANES];
     for (half, rays) in rays.chunks(LANES / 2).enumerate() {
-        let mut eight = [simd.all8(f32::NAN); LANES / 2];
-        for (i, (ray, eight)) in rays.iter().zip(&mut eight).enumerate() {
-            let ([x, y, z], [dx, dy, dz]) = (ray.origin.to_array(), ray.dir.to_array());
-            *eight = simd.from8(&[x, y, z, dx, dy, dz, ray.time, ray.t_min]);
-            t_max[LANES / 2 * half + i] = ray.t_max;
-        }
-        let [x, y, z, dx, dy, dz, time, least] = simd.transposed(eight);
         let at = LANES / 2 * half;
+        for (t_max, ray) in t_max[at..].iter_mut().zip(rays) {
+            *t_max = ray.t_max;
+        }
+        let [x, y, z, dx, dy, dz, time, least] = columns(simd, rays);
         let set = |to: &mut Lanes, x: S::F8| {
             to[at..at + LANES / 2].copy_from_slice(&x.to_array());
         };

@@ -12,6 +12,7 @@ use std::ops::Range;
 
 use super::expected::{Expected, PROBES};
 use super::packet::PACKET;
+use super::rectangles::in_rectangles;
 use super::{Hit, Ray, TraceCounts, World};
 
 /// Rays for which that is done, at the least: each costs time, as those do that are traced first.
@@ -20,19 +21,8 @@ const LEAST_RAYS: usize = 1024;
 const WORTH: f32 = 0.7;
 /// Blocks by which the usual order is judged.
 const JUDGED: usize = 2;
-/// One of so many packets judges the order.
-const EVERY: usize = 4;
-/// Bins along what the rays sweep.
-const COLUMNS: usize = 1024;
-/// Bins across it.
-const BINS: usize = 64;
-/// Slabs that columns become, at the most.
-const MOST_SLABS: usize = 256;
-/// What the bins reach, of what uniform rays sweep.
-const REACH: f32 = 1.2;
-
-/// Numbers of bins are of 16 bits.
-const _: () = assert!(COLUMNS * BINS <= 1 << 16 && MOST_SLABS * BINS <= 1 << 16);
+/// Packets by which the order is judged, at the least.
+const JUDGES: usize = 64;
 
 /// Rays in the order in which they usually go: block after block of pixels, and in each in packets.
 #[derive(Clone, Copy, Debug)]
@@ -68,16 +58,17 @@ pub fn by_surface<'r>(
     *counts = *counts + TraceCounts { rays: 0, ..own };
     let expected = Expected::of(world, &probes, &hits)?;
 
-    let before = usual_area(&expected, &ray, usual)?;
+    let before = usual_area(world, &expected, &ray, usual)?;
     if expected.least_area() > WORTH * before {
         return None;
     }
-    let places: Vec<[f32; 2]> = (0..count).map(|i| expected.place(ray(i))).collect();
-    let order = in_slabs(&places)?;
+    let places = expected.places(world.level, count, &ray);
+    let order = in_rectangles(world.level, &places)?;
     let (mut area, mut packets) = (0.0, 0.0);
-    for packet in order.as_chunks::<PACKET>().0.iter().step_by(EVERY) {
+    let every = (count / PACKET / JUDGES).max(1);
+    for packet in order.as_chunks::<PACKET>().0.iter().step_by(every) {
         let at = packet.iter().map(|&i| i as usize);
-        area += expected.area(at.map(|i| (places[i], ray(i).time)));
+        area += expected.area(at.map(|i| (places.of(i), ray(i).time)));
         packets += 1.0;
     }
     (area < WORTH * before * packets).then_some(order)
@@ -85,11 +76,16 @@ pub fn by_surface<'r>(
 
 /// The area of the surface that a packet meets in the usual order: of one in the middle of each of some blocks.
 fn usual_area<'r>(
+    world: &World,
     expected: &Expected,
     ray: &impl Fn(usize) -> &'r Ray,
     usual: Usual<'_>,
 ) -> Option<f32> {
-    let at = |i: usize| (expected.place(ray(i)), ray(i).time);
+    let area_of = |number: &dyn Fn(usize) -> usize| {
+        let ray = |k: usize| ray(number(k));
+        let places = expected.places(world.level, PACKET, ray);
+        expected.area((0..PACKET).map(|k| (places.of(k), ray(k).time)))
+    };
     let full = usual.blocks.iter().filter(|block| block.len() >= PACKET);
     let step = usual.blocks.len().div_ceil(JUDGED);
     let (mut area, mut blocks) = (0.0, 0.0);
@@ -102,91 +98,16 @@ fn usual_area<'r>(
             if times.len() > middle + PACKET {
                 times[middle..].select_nth_unstable(PACKET);
             }
-            expected.area(times[middle..][..PACKET].iter().map(|&(_, i)| at(i)))
+            area_of(&|k| times[middle + k].1)
         } else {
             let middle = block.start + (block.len() / PACKET / 2) * PACKET;
             let middle = middle.min(block.end - PACKET);
-            expected.area((middle..middle + PACKET).map(at))
+            area_of(&|k| middle + k)
         };
         blocks += 1.0;
     }
     let area = area / blocks;
     (area > 0.0 && area.is_finite()).then_some(area)
-}
-
-/// The order in which packets of rays that follow each other fill small rectangles; `None` where places are not finite, or all the same.
-///
-/// What a tile sweeps is long and thin where it moves, and goes any way across the image: it is cut across its length into slabs with as many rays each,
-/// and along each, forth and back, by narrow bins.
-fn in_slabs(places: &[[f32; 2]]) -> Option<Vec<u32>> {
-    let count = places.len();
-    let all = count as f32;
-    // About the first, so that squares are of small numbers.
-    let &[x0, y0] = places.first()?;
-    let (mut sum, mut squares) = ([0.0f32; 2], [0.0f32; 3]);
-    for &[x, y] in places {
-        let (x, y) = (x - x0, y - y0);
-        sum = [sum[0] + x, sum[1] + y];
-        squares = [squares[0] + x * x, squares[1] + x * y, squares[2] + y * y];
-    }
-    let [x, y] = sum.map(|sum| sum / all);
-    let [xx, xy, yy] = squares.map(|square| square / all);
-    let (xx, xy, yy) = (xx - x * x, xy - x * y, yy - y * y);
-    let half = (0.25 * (xx - yy).powi(2) + xy * xy).sqrt();
-    let (long, wide) = (0.5 * (xx + yy) + half, 0.5 * (xx + yy) - half);
-    if !(long > 0.0 && long.is_finite()) {
-        return None;
-    }
-    let (sin, cos) = (0.5 * (2.0 * xy).atan2(xx - yy)).sin_cos();
-    let (x0, y0) = (x0 + x, y0 + y);
-    // Uniform over a length, this is from its middle to an end.
-    let [long, wide] = [long, wide.max(1e-4 * long)].map(|square| (3.0 * square).sqrt());
-    let slabs = (all / PACKET as f32 * long / wide).sqrt().round() as usize;
-    let slabs = slabs.clamp(1, MOST_SLABS);
-
-    // Where there is more, it goes to the first or last bin.
-    let per = |bins: usize, half: f32| 0.5 * bins as f32 / (REACH * half);
-    let (per_long, per_wide) = (per(COLUMNS, long), per(BINS, wide));
-    let mut columns = [0u32; COLUMNS];
-    let mut keys: Vec<u16> = Vec::with_capacity(count);
-    keys.extend(places.iter().map(|&[x, y]| {
-        let (x, y) = (x - x0, y - y0);
-        let along = (cos * x + sin * y) * per_long + 0.5 * COLUMNS as f32;
-        let across = (cos * y - sin * x) * per_wide + 0.5 * BINS as f32;
-        let column = (along as usize).min(COLUMNS - 1);
-        columns[column] += 1;
-        (column * BINS + (across as usize).min(BINS - 1)) as u16
-    }));
-    // The slab of each column.
-    let mut before = 0;
-    for column in &mut columns {
-        let own = *column;
-        *column = ((before as usize + own as usize / 2) * slabs / count) as u32;
-        before += own;
-    }
-    let mut begin = vec![0u32; slabs * BINS];
-    for key in &mut keys {
-        let (column, bin) = (usize::from(*key) / BINS, usize::from(*key) % BINS);
-        let slab = columns[column] as usize;
-        let bin = if slab.is_multiple_of(2) {
-            bin
-        } else {
-            BINS - 1 - bin
-        };
-        *key = (slab * BINS + bin) as u16;
-        begin[usize::from(*key)] += 1;
-    }
-    let mut sum = 0;
-    for begin in &mut begin {
-        sum += std::mem::replace(begin, sum);
-    }
-    let mut order = vec![0; count];
-    for (i, &key) in (0..).zip(&keys) {
-        let begin = &mut begin[usize::from(key)];
-        order[*begin as usize] = i;
-        *begin += 1;
-    }
-    Some(order)
 }
 
 #[cfg(test)]
@@ -423,75 +344,5 @@ mod tests {
                 }
             }
         }
-    }
-
-    /// Mean area of the boxes around packets, to what it would be if they covered all once.
-    fn boxes(places: &[[f32; 2]], order: &[u32], all: f32) -> f32 {
-        let (packets, _) = order.as_chunks::<PACKET>();
-        let area = |packet: &[u32; PACKET]| {
-            let at = packet.iter().map(|&i| Vec2::from(places[i as usize]));
-            let low = at.clone().fold(Vec2::INFINITY, Vec2::min);
-            (at.fold(Vec2::NEG_INFINITY, Vec2::max) - low).element_product()
-        };
-        packets.iter().map(area).sum::<f32>() / all
-    }
-
-    #[test]
-    fn packets_fill_small_rectangles_whatever_the_direction() {
-        for (long, wide) in [(1.0f32, 1.0f32), (20.0, 1.0), (300.0, 0.5)] {
-            for angle in [0.0f32, 0.5, 1.3, 2.5] {
-                let state = &mut 11;
-                let place = |_| {
-                    let at = Vec2::new((unit(state) - 0.5) * long, (unit(state) - 0.5) * wide);
-                    (Vec2::from_angle(angle).rotate(at) + 7.0).to_array()
-                };
-                let places: Vec<[f32; 2]> = (0..8192).map(place).collect();
-                let order = in_slabs(&places).unwrap();
-                let mut all = order.clone();
-                all.sort_unstable();
-                assert!(all.into_iter().eq(0..8192));
-                // Turned back, so that boxes lie along rectangles.
-                let back = Vec2::from_angle(-angle);
-                let along = |p: &[f32; 2]| back.rotate(Vec2::from(*p)).to_array();
-                let turned: Vec<[f32; 2]> = places.iter().map(along).collect();
-                let share = boxes(&turned, &order, long * wide);
-                // A square has no direction, so that it may be cut any way.
-                let most = if long == wide { 2.4 } else { 1.8 };
-                assert!(
-                    (0.5..most).contains(&share),
-                    "{long} {wide} {angle}: {share}"
-                );
-            }
-        }
-    }
-
-    #[test]
-    fn places_far_off_and_none_are_no_trouble() {
-        let state = &mut 5;
-        let mut places: Vec<[f32; 2]> = (0..2048).map(|_| [unit(state), unit(state)]).collect();
-        // A ray in a hundred ends far behind.
-        for place in places.iter_mut().step_by(100) {
-            place[0] += 4.0;
-        }
-        let order = in_slabs(&places).unwrap();
-        let inside: Vec<u32> = order
-            .into_iter()
-            .filter(|&i| places[i as usize][0] <= 1.0)
-            .collect();
-        let share = boxes(&places, &inside, 1.0);
-        assert!(share < 4.0, "{share}");
-
-        assert!(in_slabs(&[]).is_none());
-        assert!(in_slabs(&[[0.5, 0.5]; 64]).is_none());
-        for bad in [f32::NAN, f32::INFINITY, f32::MAX] {
-            places[77] = [bad, 0.0];
-            let order = in_slabs(&places);
-            assert!(order.is_none(), "{bad}");
-        }
-        // A line.
-        let line: Vec<[f32; 2]> = (0..1024u16).map(|i| [f32::from(i), 0.0]).collect();
-        let mut all = in_slabs(&line).unwrap();
-        all.sort_unstable();
-        assert!(all.into_iter().eq(0..1024));
     }
 }
