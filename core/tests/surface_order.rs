@@ -112,6 +112,10 @@ fn rendered(scene: &Scene) -> Vec<Vec<u32>> {
     let statistics = render(&prepared, &frame, &control);
     let rays = u64::from(SIZE[0] * SIZE[1] * 24);
     assert_eq!(statistics.counts.rays, rays, "each ray counts once");
+    // One sample a pixel tells what those after it are expected to meet, where rays go in packets.
+    let told = (0..frame.tile_count()).filter(|&i| frame.tile(i).expected.is_some());
+    let packets = prepared.world().is_far() && scene.settings.cull == Cull::None;
+    assert_eq!(told.count() > frame.tile_count() / 2, packets);
     let bits = |aov: &Aov| match frame.aov(aov.clone()).unwrap().data {
         AovData::F32(data) => data.iter().map(|x| x.to_bits()).collect(),
         AovData::I32(data) => data.iter().map(|x| x.cast_unsigned()).collect(),

@@ -2,6 +2,7 @@
 
 use crate::aov::Aov;
 use crate::trace::Hit;
+use crate::trace::surface_order::Expected;
 
 /// Mean weight of a pixel's samples below which their sum is not divided by.
 const LEAST_WEIGHT: f64 = 0.5;
@@ -265,6 +266,8 @@ pub struct Tile {
     pub height: u32,
     /// Samples that every pixel of the tile has.
     pub samples: u32,
+    /// What rays of the tile are expected to meet, where its earlier samples told.
+    pub expected: Option<Expected>,
     /// Weighted radiance and coverage, and the weights.
     color: Vec<[f64; 5]>,
     point: Vec<PointSample>,
@@ -294,6 +297,7 @@ impl Tile {
             width,
             height,
             samples: 0,
+            expected: None,
             color: vec![[0.0; 5]; count(keeps.color)],
             point: vec![no_point; count(keeps.point)],
             subsets: vec![-1; count(keeps.subsets)],

@@ -15,7 +15,7 @@ use super::prepared::Prepared;
 use crate::film::tile::{FirstHit, Keeps, MeanValues, PixelSums, PrimvarSample, Sample, Tile};
 use crate::shade::{ChannelAccess, camera_lit};
 use crate::trace::packet::PACKET;
-use crate::trace::surface_order::{Usual, by_surface};
+use crate::trace::surface_order::{Expected, Usual, by_surface, expected, probed};
 use crate::trace::{Hit, Ray, TraceCounts};
 
 /// Transparent layers composited along one ray; what lies behind is left out.
@@ -86,7 +86,8 @@ impl<'a> Integrator<'a> {
             blocks.push(begin..jobs.len());
             // A tile's rays together where their order is looked for, while caches hold fewer for longer.
             if CULL || !self.by_surface || pixels.peek().is_none() {
-                self.trace::<CULL>(&jobs, &blocks, &mut found, counts);
+                let told = &mut tile.expected;
+                self.trace::<CULL>(&jobs, &blocks, &mut found, told, counts);
                 let found = found.iter().copied();
                 self.film::<MATTE, CULL>(tile, &jobs, found, &mut primvars, counts);
                 jobs.clear();
@@ -265,12 +266,13 @@ impl<'a> Integrator<'a> {
     }
 
     /// Traces the jobs of pixel blocks; `found` gets what each
-    /// met first, and what that cost; where no cost is kept, `counts` gets it for all of them.
+    /// met first, and what that cost; where no cost is kept, `counts` gets it for all of them. `told` is what they are expected to meet.
     fn trace<const CULL: bool>(
         &self,
         jobs: &[(usize, Job)],
         blocks: &[Range<usize>],
         found: &mut Vec<(Hit, TraceCounts)>,
+        told: &mut Option<Expected>,
         counts: &mut TraceCounts,
     ) {
         let world = &self.prepared.world;
@@ -286,7 +288,7 @@ impl<'a> Integrator<'a> {
         let Some((_, first)) = jobs.first() else {
             return;
         };
-        let order = self.order(jobs, blocks, counts);
+        let order = self.order(jobs, blocks, told, counts);
         let (mut rays, mut hits) = ([first.ray; PACKET], [Hit::MISS; PACKET]);
         let mut own = [TraceCounts::default(); PACKET];
         for order in order.chunks(PACKET) {
@@ -302,6 +304,9 @@ impl<'a> Integrator<'a> {
                 found[i as usize] = (hits[lane], own[lane]);
             }
         }
+        if self.by_surface && told.is_none() {
+            *told = expected(world, jobs.len(), |i| (jobs[i].1.ray, found[i].0));
+        }
     }
 
     /// The order in which jobs are traced, so that those of a packet have much in common: by where they meet surfaces where that
@@ -310,13 +315,19 @@ impl<'a> Integrator<'a> {
         &self,
         jobs: &[(usize, Job)],
         blocks: &[Range<usize>],
+        told: &mut Option<Expected>,
         counts: &mut TraceCounts,
     ) -> Vec<u32> {
         let by_time = self.prepared.plan.has_time();
         if self.by_surface {
             let ray = |i: usize| &jobs[i].1.ray;
             let usual = Usual { blocks, by_time };
-            if let Some(order) = by_surface(&self.prepared.world, ray, usual, counts) {
+            let world = &self.prepared.world;
+            if told.is_none() {
+                *told = probed(world, jobs.len(), ray, counts);
+            }
+            let order = told.and_then(|told| by_surface(world, &told, ray, usual));
+            if let Some(order) = order {
                 return order;
             }
         }

@@ -106,19 +106,19 @@ impl Met {
 }
 
 impl Expected {
-    /// What `rays` met, which hit `hits`. `None` where they met too little.
-    pub fn of(world: &World, rays: &[Ray; PROBES], hits: &[Hit; PROBES]) -> Option<Self> {
+    /// What rays met, each with its hit. `None` where they met too little.
+    pub fn of(world: &World, rays: &[(Ray, Hit); PROBES]) -> Option<Self> {
         let mut met = [Met::default(); PROBES];
         let mut count = 0;
-        for found in hits.iter().filter_map(|h| Met::of(world, h)) {
+        for found in rays.iter().filter_map(|(_, hit)| Met::of(world, hit)) {
             met[count] = found;
             count += 1;
         }
         if count < LEAST_HITS {
             return None;
         }
-        let forward: Vec3 = rays.iter().map(|r| r.dir.normalize_or_zero()).sum();
-        Self::fitted(&met[..count], forward.try_normalize()?)
+        let dirs = rays.iter().map(|(ray, _)| ray.dir.normalize_or_zero());
+        Self::fitted(&met[..count], dirs.sum::<Vec3>().try_normalize()?)
     }
 
     /// Linear fits to what points are off their mean, of where they are along the image.

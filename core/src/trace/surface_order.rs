@@ -2,7 +2,8 @@
 //! time and lens point they have.
 //!
 //! Rays of one pixel, or of one instant, meet places all over a surface where it moves fast or is out of focus. So a few
-//! are traced first, the others followed to what these met ([`super::expected`]), and cut into packets by where they end there.
+//! are traced first, or known from samples before, the others followed to what these met ([`super::expected`]), and cut into packets by
+//! where they end there.
 //! Those of a packet have their groups of micropolygons in common, and so memory, which is what rays wait for where scenes are large.
 //! Where what was met moves in several ways, or at several depths, that tells nothing, and the usual order stays.
 //!
@@ -10,19 +11,25 @@
 
 use std::ops::Range;
 
-use super::expected::{Expected, PROBES};
+pub use super::expected::Expected;
+use super::expected::PROBES;
 use super::packet::PACKET;
 use super::rectangles::in_rectangles;
 use super::{Hit, Ray, TraceCounts, World};
 
-/// Rays for which that is done, at the least: each costs time, as those do that are traced first.
-const LEAST_RAYS: usize = 1024;
+/// Rays that are ordered, at the least: four packets.
+const LEAST_RAYS: usize = 4 * PACKET;
+/// Rays for which some are traced first, at the least: these cost time.
+const LEAST_PROBED: usize = 1024;
 /// The area that packets have on a surface, of that in the usual order, up to which they are worth it.
 const WORTH: f32 = 0.7;
 /// Blocks by which the usual order is judged.
 const JUDGED: usize = 2;
-/// Packets by which the order is judged, at the least.
-const JUDGES: usize = 64;
+/// One of so many packets judges the order, but for [`FEW`] and many.
+const EVERY: usize = 4;
+/// Packets that judge it, where there are so many; and those that are enough.
+const FEW: usize = 8;
+const MANY: usize = 64;
 
 /// Rays in the order in which they usually go: block after block of pixels, and in each in packets.
 #[derive(Clone, Copy, Debug)]
@@ -33,40 +40,73 @@ pub struct Usual<'a> {
     pub by_time: bool,
 }
 
-/// Orders rays, of which `ray` gives each by its number in the usual order; `None` where that is as good, too few rays are there, or positions are
-/// not [far](World::is_far), so that it would not pay. What the first of them cost is added to `counts`; they are not counted as rays.
-///
-/// Rays should be neighbours, as those of a tile of an image are. Any thread.
-pub fn by_surface<'r>(
+/// What rays are expected to meet, as some of them tell, of `count` of which `met` gives each by its number, and what it met; `None`
+/// where these met too little. Any thread.
+pub fn expected(
     world: &World,
+    count: usize,
+    met: impl Fn(usize) -> (Ray, Hit),
+) -> Option<Expected> {
+    (count >= PROBES)
+        .then(|| Expected::of(world, &spread(count).map(met)))
+        .flatten()
+}
+
+/// Numbers of some rays that are spread over blocks and pixels; where what they hit is at other times is known of each.
+fn spread(count: usize) -> [usize; PROBES] {
+    std::array::from_fn(|k| {
+        let each = count / PROBES;
+        k * each + (27 * k + 9) % PACKET.min(each)
+    })
+}
+
+/// [`expected`] of rays that were not traced yet, of which some are now. What that cost is added to `counts`; they are not counted as rays.
+/// `None` also where it would not pay.
+pub fn probed<'r>(
+    world: &World,
+    count: usize,
     ray: impl Fn(usize) -> &'r Ray,
-    usual: Usual<'_>,
     counts: &mut TraceCounts,
-) -> Option<Vec<u32>> {
-    let count = usual.blocks.last()?.end;
-    if !world.is_far() || count < LEAST_RAYS || u32::try_from(count).is_err() {
+) -> Option<Expected> {
+    if !pays(world, count) || count < LEAST_PROBED {
         return None;
     }
-    // Spread over blocks and pixels; where what they hit is at other times is known of each.
-    let probes: [Ray; PROBES] = std::array::from_fn(|k| {
-        let at = k * (count / PROBES) + (27 * k + 9) % PACKET;
-        *ray(at.min(count - 1))
-    });
+    let probes = spread(count).map(|i| *ray(i));
     let mut hits = [Hit::MISS; PROBES];
     let mut own = TraceCounts::default();
     world.trace_many(&probes, &mut hits, &mut own);
     *counts = *counts + TraceCounts { rays: 0, ..own };
-    let expected = Expected::of(world, &probes, &hits)?;
+    Expected::of(world, &std::array::from_fn(|k| (probes[k], hits[k])))
+}
 
-    let before = usual_area(world, &expected, &ray, usual)?;
+/// False where there are too few rays, or positions are not [far](World::is_far), so that an order would not pay.
+fn pays(world: &World, count: usize) -> bool {
+    world.is_far() && count >= LEAST_RAYS && u32::try_from(count).is_ok()
+}
+
+/// Orders rays, of which `ray` gives each by its number in the usual order; `None` where that is as good, or an order would not pay.
+///
+/// Rays should be neighbours, as those of a tile of an image are. Any thread.
+pub fn by_surface<'r>(
+    world: &World,
+    expected: &Expected,
+    ray: impl Fn(usize) -> &'r Ray,
+    usual: Usual<'_>,
+) -> Option<Vec<u32>> {
+    let count = usual.blocks.last()?.end;
+    if !pays(world, count) {
+        return None;
+    }
+    let before = usual_area(world, expected, &ray, usual)?;
     if expected.least_area() > WORTH * before {
         return None;
     }
     let places = expected.places(world.level, count, &ray);
     let order = in_rectangles(world.level, &places)?;
     let (mut area, mut packets) = (0.0, 0.0);
-    let every = (count / PACKET / JUDGES).max(1);
-    for packet in order.as_chunks::<PACKET>().0.iter().step_by(every) {
+    let (full, _) = order.as_chunks::<PACKET>();
+    let every = (full.len() / FEW).clamp(1, EVERY).max(full.len() / MANY);
+    for packet in full.iter().step_by(every) {
         let at = packet.iter().map(|&i| i as usize);
         area += expected.area(at.map(|i| (places.of(i), ray(i).time)));
         packets += 1.0;
@@ -91,14 +131,11 @@ fn usual_area<'r>(
     let (mut area, mut blocks) = (0.0, 0.0);
     for block in full.skip(step / 2).step_by(step) {
         area += if usual.by_time {
-            let mut times: Vec<(u32, usize)> =
-                block.clone().map(|i| (ray(i).time.to_bits(), i)).collect();
-            let middle = (times.len() - PACKET) / 2;
-            times.select_nth_unstable(middle);
-            if times.len() > middle + PACKET {
-                times[middle..].select_nth_unstable(PACKET);
-            }
-            area_of(&|k| times[middle + k].1)
+            // Those next to half the shutter. Numbers that are not negative have the order of their bits.
+            let off = |i: usize| u64::from((ray(i).time - 0.5).abs().to_bits());
+            let mut times: Vec<u64> = block.clone().map(|i| off(i) << 32 | i as u64).collect();
+            times.select_nth_unstable(PACKET - 1);
+            area_of(&|k| times[k] as u32 as usize)
         } else {
             let middle = block.start + (block.len() / PACKET / 2) * PACKET;
             let middle = middle.min(block.end - PACKET);
@@ -208,10 +245,14 @@ mod tests {
             by_time: true,
         };
         let mut counts = TraceCounts::default();
-        let order = by_surface(world, |i| &rays[i], usual, &mut counts);
+        let ray = |i: usize| &rays[i];
+        let expected = probed(world, rays.len(), ray, &mut counts);
         assert_eq!(counts.rays, 0);
-        assert!(order.is_none() || counts.node_tests > 0);
-        order
+        assert!(expected.is_none() || counts.node_tests > 0);
+        let met = |i: usize| (rays[i], world.trace(&rays[i], &mut TraceCounts::default()));
+        let told = super::expected(world, rays.len(), met);
+        assert!(expected.is_none() || expected == told);
+        by_surface(world, &told?, ray, usual)
     }
 
     /// Mean area of the boxes, at half the shutter, around what packets really hit.
@@ -277,7 +318,7 @@ mod tests {
         let world = sheet(16, way, still);
         assert!(ordered(&world, &rays, &blocks).is_some());
         // Too few rays; nothing but misses; all in one place.
-        assert!(ordered(&world, &rays[..1000], &[0..512, 512..1000]).is_none());
+        assert!(ordered(&world, &rays[..255], &[0..128, 128..255]).is_none());
         assert!(ordered(&world, &[], &[]).is_none());
         let aside: Vec<Ray> = rays
             .iter()
@@ -315,6 +356,21 @@ mod tests {
     }
 
     #[test]
+    fn few_rays_are_ordered_by_what_others_told() {
+        let world = sheet(16, Vec3::new(0.6, 0.3, 0.0), |_| Vec3::ZERO);
+        let (rays, blocks) = tile(0.0, 1);
+        let ray = |i: usize| &rays[i];
+        let mut counts = TraceCounts::default();
+        assert!(probed(&world, rays.len(), ray, &mut counts).is_none());
+        assert_eq!(counts, TraceCounts::default());
+        let order = ordered(&world, &rays, &blocks).expect("an order");
+        let before = area(&world, &rays, &by_time(&rays, &blocks));
+        let after = area(&world, &rays, &order);
+        assert!(after < 0.7 * before, "{after} of {before}");
+        assert!(super::expected(&world, 15, |_| unreachable!()).is_none());
+    }
+
+    #[test]
     fn blocks_of_any_size_are_no_trouble() {
         let world = sheet(16, Vec3::new(0.6, 0.3, 0.0), |_| Vec3::ZERO);
         let (rays, _) = tile(0.2, 8);
@@ -334,7 +390,8 @@ mod tests {
                     by_time,
                 };
                 let ray = |i: usize| &rays[i];
-                let order = by_surface(&world, ray, usual, &mut TraceCounts::default());
+                let order = probed(&world, end, ray, &mut TraceCounts::default())
+                    .and_then(|expected| by_surface(&world, &expected, ray, usual));
                 // Nothing is known of what packets meet where no block fills one.
                 let filled = sizes.iter().any(|&size| size >= PACKET);
                 assert!(filled || order.is_none(), "{sizes:?}");

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use hdtrapeze_core::trace::packet::PACKET;
-use hdtrapeze_core::trace::surface_order::{Usual, by_surface};
+use hdtrapeze_core::trace::surface_order::{Usual, by_surface, probed};
 use hdtrapeze_core::trace::{Hit, Ray, TraceCounts, World};
 use rayon::prelude::*;
 
@@ -24,7 +24,9 @@ impl Square {
             blocks: &self.blocks,
             by_time: false,
         };
-        by_surface(world, |i| &rays[i], usual, counts)
+        let ray = |i: usize| &rays[i];
+        let expected = probed(world, rays.len(), ray, counts)?;
+        by_surface(world, &expected, ray, usual)
     }
 }
 
