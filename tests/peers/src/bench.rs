@@ -15,7 +15,7 @@ use crate::compare::{Judge, MOST_EDGES, MOST_EDGES_OF_THIN, THIN, Tally};
 use crate::embree::{Embree, Refusal, Scene, Variant};
 use crate::ffi::RayHit;
 use crate::load::{
-    Group, Load, Way, built, built_upright, calls, time_ours, time_peer, trace, ways,
+    Group, Load, Way, built, built_upright, calls, time_given, time_ours, time_peer, trace, ways,
 };
 use crate::rays::{by_block, by_pixel, by_square, secondary};
 use crate::scenes::{Family, Indices, Shape, Vertices, frozen};
@@ -98,7 +98,7 @@ pub struct Traced {
 }
 
 impl Traced {
-    fn best(&self) -> f64 {
+    pub fn best(&self) -> f64 {
         best(&self.rates).max(0.0)
     }
 }
@@ -119,6 +119,8 @@ pub struct Tracer {
     pub traced: [Option<Traced>; 3],
     /// Ours on camera rays, by [`ORDERS`].
     pub orders: [Option<Traced>; ORDERS.len()],
+    /// Ours on camera rays that lie in the order that ours found.
+    pub given: Option<Traced>,
     /// Why there is nothing.
     pub refused: Option<String>,
 }
@@ -501,6 +503,9 @@ pub fn run(
                         None => &mut tracer.traced[group as usize],
                     };
                     note(traced, how, rate);
+                    if let Some(rate) = time_given(world, load, clock)? {
+                        note(&mut tracer.given, String::new(), rate);
+                    }
                 }
             }
             for (k, &i) in kept.iter().enumerate() {
