@@ -266,7 +266,7 @@ pub struct Tile {
     pub height: u32,
     /// Samples that every pixel of the tile has.
     pub samples: u32,
-    /// What rays of the tile are expected to meet, where its earlier samples told.
+    /// What rays of the tile are expected to meet, where some of its samples told.
     pub expected: Option<Expected>,
     /// Weighted radiance and coverage, and the weights.
     color: Vec<[f64; 5]>,

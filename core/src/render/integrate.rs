@@ -266,7 +266,8 @@ impl<'a> Integrator<'a> {
     }
 
     /// Traces the jobs of pixel blocks; `found` gets what each
-    /// met first, and what that cost; where no cost is kept, `counts` gets it for all of them. `told` is what they are expected to meet.
+    /// met first, and what that cost; where no cost is kept, `counts` gets it for all of them. `told` is what they are expected to meet,
+    /// and what those that come next are.
     fn trace<const CULL: bool>(
         &self,
         jobs: &[(usize, Job)],
@@ -330,6 +331,8 @@ impl<'a> Integrator<'a> {
             if let Some(order) = order {
                 return order;
             }
+            // These may tell more.
+            *told = None;
         }
         if !by_time {
             return (0..jobs.len() as u32).collect();

@@ -10,7 +10,7 @@ use hdtrapeze_simd::{Float, Kernel, Level, Simd};
 use super::packet::{LANES, Lanes, columns};
 use super::{Hit, Ray, World};
 
-/// Rays that are traced first.
+/// Rays that tell.
 pub const PROBES: usize = 16;
 /// Of them, those that must hit something, at the least; more than the three numbers that are fitted to each value.
 const LEAST_HITS: usize = 6;
@@ -139,7 +139,7 @@ impl Expected {
             }
         }
         // Of points that lie on a line, or in one place, nothing is said across it.
-        let least = 1e-3 * (squares.x_axis.x + squares.y_axis.y) + f32::MIN_POSITIVE;
+        let least = 1e-3 * (squares.x_axis.x + squares.y_axis.y) + 1e-18;
         squares += Mat2::from_diagonal(Vec2::splat(least));
         let inverse = squares.inverse();
         let [tilt, right, up] = products.map(|sum| inverse * sum);
@@ -318,7 +318,8 @@ mod tests {
 
     #[test]
     fn one_place_and_a_line_are_no_trouble() {
-        let one = vec![met(Vec2::new(0.1, 0.2)); 8];
+        // Exactly in one place.
+        let one = vec![met(Vec2::new(0.125, 0.25)); 8];
         let line: Vec<Met> = (0..8u8)
             .map(|i| met(Vec2::splat(f32::from(i) * 0.1)))
             .collect();

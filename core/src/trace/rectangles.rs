@@ -16,11 +16,14 @@ const BINS: usize = 64;
 const MOST_SLABS: usize = 256;
 /// What columns and bins reach, of what uniform places sweep.
 const REACH: f32 = 1.2;
-/// One of so many vectors tells how many places are in columns.
+/// One of so many vectors is counted for the columns, where there are [`MANY`].
 const EVERY: usize = 4;
+/// Vectors of 1024 places.
+const MANY: usize = 64;
 
-/// Numbers of columns, and of bins of all slabs, are of 16 bits.
+/// Numbers of columns, and of bins of all slabs, are of 16 bits; bins are counted backward by their bits.
 const _: () = assert!(COLUMNS <= 1 << 16 && MOST_SLABS * BINS <= 1 << 16);
+const _: () = assert!(BINS.is_power_of_two());
 
 /// The order, as numbers of places; `None` where places are not finite, or all the same.
 pub fn in_rectangles(level: Level, places: &Places) -> Option<Vec<u32>> {
@@ -40,9 +43,10 @@ impl Kernel for Cut<'_> {
         let (along, across) = (swept.along(), swept.across());
 
         let mut columns = [0u32; COLUMNS];
-        // Neither the same pixels nor the same samples of each block.
-        let told = (0..at.len().div_ceil(EVERY)).map(|k| EVERY * k + k / EVERY % EVERY);
-        for at in told.filter_map(|k| at.get(k)) {
+        // Vectors of one of four samples each, of other pixels each time.
+        let every = if at.len() < MANY { 1 } else { EVERY };
+        let counted = (0..at.len().div_ceil(every)).map(|k| every * k + (k + k / every) % every);
+        for at in counted.filter_map(|k| at.get(k)) {
             for column in along.numbers(simd, at) {
                 columns[usize::from(column)] += 1;
             }
@@ -243,6 +247,31 @@ mod tests {
                 );
             }
         }
+    }
+
+    #[test]
+    fn any_number_of_places_is_ordered() {
+        let state = &mut 9;
+        for count in [2, 15, 16, 17, 273, 1000, 1025, 5001] {
+            let places: Vec<[f32; 2]> = (0..count).map(|_| [unit(state), unit(state)]).collect();
+            let mut all = in_order(&places).unwrap();
+            all.sort_unstable();
+            assert!(all.into_iter().eq(0..count), "{count}");
+        }
+    }
+
+    #[test]
+    fn what_is_not_counted_has_a_slab_too() {
+        let state = &mut 6;
+        let mut places: Vec<[f32; 2]> = (0..2048).map(|_| [unit(state), unit(state)]).collect();
+        // In the second vector, behind all that are counted.
+        places[LANES + 3][0] += 40.0;
+        let order = in_order(&places).unwrap();
+        assert_eq!(
+            order.iter().map(|&i| i as usize).sum::<usize>(),
+            2048 * 2047 / 2
+        );
+        assert!(order[1536..].contains(&(LANES as u32 + 3)));
     }
 
     #[test]

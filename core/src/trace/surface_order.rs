@@ -25,10 +25,11 @@ const LEAST_PROBED: usize = 1024;
 const WORTH: f32 = 0.7;
 /// Blocks by which the usual order is judged.
 const JUDGED: usize = 2;
-/// One of so many packets judges the order, but for [`FEW`] and many.
+/// One of so many packets judges the order...
 const EVERY: usize = 4;
-/// Packets that judge it, where there are so many; and those that are enough.
+/// ...but as many as this where there are,
 const FEW: usize = 8;
+/// and about as many as this where it would be more.
 const MANY: usize = 64;
 
 /// Rays in the order in which they usually go: block after block of pixels, and in each in packets.
@@ -105,13 +106,17 @@ pub fn by_surface<'r>(
     let order = in_rectangles(world.level, &places)?;
     let (mut area, mut packets) = (0.0, 0.0);
     let (full, _) = order.as_chunks::<PACKET>();
-    let every = (full.len() / FEW).clamp(1, EVERY).max(full.len() / MANY);
-    for packet in full.iter().step_by(every) {
+    for packet in full.iter().step_by(every(full.len())) {
         let at = packet.iter().map(|&i| i as usize);
         area += expected.area(at.map(|i| (places.of(i), ray(i).time)));
         packets += 1.0;
     }
     (area < WORTH * before * packets).then_some(order)
+}
+
+/// One of how many packets judges the order.
+fn every(packets: usize) -> usize {
+    (packets / FEW).clamp(1, EVERY).max(packets / MANY)
 }
 
 /// The area of the surface that a packet meets in the usual order: of one in the middle of each of some blocks.
@@ -127,7 +132,7 @@ fn usual_area<'r>(
         expected.area((0..PACKET).map(|k| (places.of(k), ray(k).time)))
     };
     let full = usual.blocks.iter().filter(|block| block.len() >= PACKET);
-    let step = usual.blocks.len().div_ceil(JUDGED);
+    let step = full.clone().count().div_ceil(JUDGED).max(1);
     let (mut area, mut blocks) = (0.0, 0.0);
     for block in full.skip(step / 2).step_by(step) {
         area += if usual.by_time {
@@ -345,14 +350,30 @@ mod tests {
         });
         assert!(ordered(&crowd, &rays, &blocks).is_none());
         // Numbers that are not finite, of which each packet's rays may be.
-        let broken: Vec<Ray> = rays
-            .iter()
-            .map(|ray| Ray {
-                origin: Vec3::splat(f32::NAN),
-                ..*ray
-            })
-            .collect();
-        assert!(ordered(&world, &broken, &blocks).is_none());
+        let told = probed(
+            &world,
+            rays.len(),
+            |i| &rays[i],
+            &mut TraceCounts::default(),
+        )
+        .unwrap();
+        let by = |rays: &[Ray], blocks: &[Range<usize>]| {
+            let usual = Usual {
+                blocks,
+                by_time: true,
+            };
+            by_surface(&world, &told, |i| &rays[i], usual)
+        };
+        assert!(by(&rays, &blocks).is_some() && by(&[], &[]).is_none());
+        for every in [1, 700, rays.len()] {
+            for (origin, time) in [(f32::NAN, 0.5), (f32::INFINITY, 0.5), (0.0, f32::NAN)] {
+                let mut broken = rays.clone();
+                for ray in broken.iter_mut().step_by(every) {
+                    (ray.origin, ray.time) = (ray.origin + origin, time);
+                }
+                assert!(by(&broken, &blocks).is_none(), "{every} {origin} {time}");
+            }
+        }
     }
 
     #[test]
@@ -367,7 +388,14 @@ mod tests {
         let before = area(&world, &rays, &by_time(&rays, &blocks));
         let after = area(&world, &rays, &order);
         assert!(after < 0.7 * before, "{after} of {before}");
-        assert!(super::expected(&world, 15, |_| unreachable!()).is_none());
+        assert!(expected(&world, 15, |_| unreachable!()).is_none());
+    }
+
+    #[test]
+    fn enough_packets_judge() {
+        for (packets, step) in [(4, 1), (8, 1), (31, 3), (32, 4), (319, 4), (640, 10)] {
+            assert_eq!(every(packets), step, "{packets}");
+        }
     }
 
     #[test]
@@ -375,7 +403,15 @@ mod tests {
         let world = sheet(16, Vec3::new(0.6, 0.3, 0.0), |_| Vec3::ZERO);
         let (rays, _) = tile(0.2, 8);
         let ragged = [64, 63, 0, 128, 1, 65, 100, 64, 700, 64, 64, 127];
-        for sizes in [&ragged[..], &[64; 16], &[63; 17], &[1; 1024], &[1024]] {
+        let one_full = [1024, 32, 32, 4];
+        for sizes in [
+            &ragged[..],
+            &[64; 16],
+            &[63; 17],
+            &[1; 1024],
+            &[1024],
+            &one_full,
+        ] {
             let mut end = 0;
             let blocks: Vec<Range<usize>> = sizes
                 .iter()
@@ -394,7 +430,7 @@ mod tests {
                     .and_then(|expected| by_surface(&world, &expected, ray, usual));
                 // Nothing is known of what packets meet where no block fills one.
                 let filled = sizes.iter().any(|&size| size >= PACKET);
-                assert!(filled || order.is_none(), "{sizes:?}");
+                assert_eq!(filled, order.is_some(), "{sizes:?}");
                 if let Some(mut order) = order {
                     order.sort_unstable();
                     assert!(order.into_iter().eq(0..end as u32), "{sizes:?}");
