@@ -43,7 +43,7 @@ impl Kernel for Cut<'_> {
         let (along, across) = (swept.along(), swept.across());
 
         let mut columns = [0u32; COLUMNS];
-        // Vectors of one of four samples each, of other pixels each time.
+        // Of each four vectors one, which a sample of 64 pixels has: other pixels from sample to sample, and from block to block.
         let every = if at.len() < MANY { 1 } else { EVERY };
         let counted = (0..at.len().div_ceil(every)).map(|k| every * k + (k + k / every) % every);
         for at in counted.filter_map(|k| at.get(k)) {

@@ -1,4 +1,4 @@
-//! Camera rays by where they meet surfaces: ours finds the order while it is timed, Embree is given it.
+//! Camera rays by where they meet surfaces: ours finds the order while it is timed, Embree is given it, and so is ours once more.
 
 use std::ops::Range;
 
