@@ -15,8 +15,9 @@
 //! the ray meets one of its two closed triangles of non-zero projected area.
 //!
 //! **Distances.** The weights are the f64 edge functions, each with a relative error of 2^-53 however thin
-//! the triangle; so `t` is exact for the rounded vertices, but for one rounding to f32. Rays through
-//! a shared edge hit both neighbours; `(t, instance, grid, cell)` decides.
+//! the triangle; their sums and products with f32 are far from f64's limits, so `t` is exact for the rounded
+//! vertices, but for one rounding to f32. Rays through a shared edge hit both neighbours; `(t, instance, grid,
+//! cell)` decides.
 
 use glam::Vec3;
 use hdtrapeze_simd::{Float, Mask, Simd};
@@ -208,14 +209,14 @@ pub(super) fn exact([a, b, c]: [[f64; 3]; 3], second: bool, dir_z: f64) -> Optio
     if !sound {
         return None;
     }
-    // The weights of the second and third corner.
-    let inverse = 1.0 / det;
-    let (wb, wc) = (wb * inverse, wc * inverse);
-    let z = (wa * inverse) * a[2] + wb * b[2] + wc * c[2];
+    // Both quotients are of sums, so that neither waits for the other.
+    let z = wa * a[2] + wb * b[2] + wc * c[2];
     // Adding 0 makes -0 into 0: hits are ordered by plain comparison.
-    let t = (z / dir_z) as f32 + 0.0;
+    let t = (z / (det * dir_z)) as f32 + 0.0;
+    let inverse = 1.0 / det;
     let (u, v) = if second { (wb, wb + wc) } else { (wb + wc, wc) };
-    let (u, v) = ((u as f32).min(1.0), (v as f32).min(1.0));
+    let (u, v) = ((u * inverse) as f32, (v * inverse) as f32);
+    let (u, v) = (u.min(1.0), v.min(1.0));
     t.is_finite().then_some(CellHit { t, u, v })
 }
 
