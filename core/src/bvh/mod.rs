@@ -25,7 +25,7 @@
 //! diagonals ([`diagonal`]), which rays that are traced one by one, or in turns, are tested against as well.
 //!
 //! **Curves.** Where raised chords bound motion badly, trees are built in a space that moves along with the
-//! object, or for halves of the shutter ([`relative`]).
+//! object, or for halves of the shutter ([`relative`], [`sway`]).
 //!
 //! **Units.** Bounds are in the space of [`DicedMesh`](crate::grid::DicedMesh)'s positions for objects,
 //! and in world space relative to the world origin for the tree over instances.
@@ -56,6 +56,7 @@ pub mod relative;
 pub mod sorted;
 mod split;
 mod strip8;
+mod sway;
 mod thin;
 pub mod turn;
 

@@ -8,6 +8,7 @@
 //!   translation that the whole object follows. What is rigid does not move there, and has a tree that does not either.
 //! - **Parts of the shutter**: a tree of its own for the time before a key, and one for that after it. Each is
 //!   half as long, and strays a quarter as far. This doubles the memory, but for nodes that are fuller, so there are no more than two.
+//!   Strands that go apart from each other gain by that however straight they go ([`super::sway`]), and are parted half way between two keys, too.
 //!
 //! Trees are built by [`super::build`] over a *model*: a mesh with the positions that the tree sees. Rays are taken
 //! to carried space and to a part's time before they meet it. Micropolygons are tested in the mesh's own space,
@@ -30,6 +31,7 @@ use rayon::prelude::*;
 use super::carrier::{Carrier, sample};
 use super::linear::round_up;
 use super::object::{BlockTree, BvhStats, build_blocks};
+use super::sway;
 use super::{CarriedSlabs, LinearBox, LinearSlabs, U};
 use crate::grid::DicedMesh;
 
@@ -46,6 +48,8 @@ const SHARE: f32 = 0.7;
 /// Halves of the shutter must leave less than this part of it. Where a chord is good enough they leave 0.92 and more,
 /// on arcs 0.76 and less.
 const HALVES_SHARE: f32 = 0.85;
+/// Where strands go apart, the shutter is parted this near to its half, or not at all.
+const MOST_OFF: f32 = 0.25;
 /// Objects of fewer micropolygons are not worth a carried space for standing still in it alone.
 const LEAST_STILL: usize = 4096;
 
@@ -99,7 +103,59 @@ impl Trees {
 struct Plan {
     carrier: Option<Carrier>,
     still: bool,
-    middle: Option<usize>,
+    middle: Option<Instant>,
+}
+
+/// An instant that trees see: a key, or half way from it to the next.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Instant {
+    key: usize,
+    between: bool,
+}
+
+impl Instant {
+    fn at(key: usize) -> Self {
+        Self {
+            key,
+            between: false,
+        }
+    }
+
+    /// Near half of the shutter: the key that is nearest, or what is between two keys where there are no others and things
+    /// go `straight` from one to the other.
+    fn half_way(mesh: &DicedMesh, straight: bool) -> Option<Self> {
+        let off = |key: usize| (mesh.key_times[key] - 0.5).abs();
+        match mesh.key_count() {
+            2 => straight.then_some(Self {
+                key: 0,
+                between: true,
+            }),
+            keys => (1..keys - 1)
+                .min_by(|&a, &b| off(a).total_cmp(&off(b)))
+                .filter(|&key| off(key) < MOST_OFF)
+                .map(Self::at),
+        }
+    }
+
+    fn time(self, mesh: &DicedMesh) -> f32 {
+        let time = mesh.key_times[self.key];
+        match self.between {
+            true => 0.5 * (time + mesh.key_times[self.key + 1]),
+            false => time,
+        }
+    }
+
+    /// The first part of the shutter, which ends here, or the second: all that a tree of it sees.
+    fn part(self, second: bool, last: usize) -> Vec<Self> {
+        let keys = |keys: RangeInclusive<usize>| keys.map(Self::at);
+        let here = std::iter::once(self);
+        match second {
+            false => keys(0..=self.key)
+                .chain(here.filter(|i| i.between))
+                .collect(),
+            true => here.chain(keys(self.key + 1..=last)).collect(),
+        }
+    }
 }
 
 /// What [`build`] found.
@@ -133,18 +189,18 @@ pub fn build(mesh: &DicedMesh) -> Option<Built> {
             return None;
         }
         slack = carrier.stretch() * e;
-        let found = build_blocks(model(mesh, None, 0..=0), false, false);
+        let found = build_blocks(model(mesh, None, &[Instant::at(0)]), false, false);
         (radius, stats) = (found.radius, found.stats);
         Trees::Still(found.tree)
     } else {
         let parts = match plan.middle {
-            Some(middle) => vec![0..=middle, middle..=last],
-            None => vec![0..=last],
+            Some(middle) => vec![middle.part(false, last), middle.part(true, last)],
+            None => vec![(0..=last).map(Instant::at).collect()],
         };
         let mut trees = Vec::new();
-        for keys in parts {
-            let first = *keys.start();
-            let model = model(mesh, carrier, keys);
+        for instants in parts {
+            let first = instants[0].key;
+            let model = model(mesh, carrier, &instants);
             if let Some(carrier) = carrier.filter(|c| c.turns()) {
                 slack = slack.max(straying(&model, carrier, first));
             }
@@ -157,7 +213,7 @@ pub fn build(mesh: &DicedMesh) -> Option<Built> {
     };
     stats.bvh_bytes += carrier.map_or(0, Carrier::bytes) as u64;
     let relative = Relative {
-        middle: plan.middle.map(|k| mesh.key_times[k]),
+        middle: plan.middle.map(|middle| middle.time(mesh)),
         carrier: plan.carrier,
         trees,
         radius,
@@ -210,9 +266,13 @@ fn choose(mesh: &DicedMesh) -> Option<Plan> {
     let halves = (1..last)
         .map(|k| (seen.area(mesh, 0..=k) + seen.area(mesh, k..=last), k))
         .min_by(|a, b| a.0.total_cmp(&b.0));
-    let middle = halves.filter(|h| h.0 < HALVES_SHARE * area).map(|h| h.1);
-    let pays = carrier.is_some() || middle.is_some();
-    pays.then_some(Plan {
+    let halves = halves.filter(|h| h.0 < HALVES_SHARE * area);
+    let middle = match halves {
+        Some((_, key)) => Some(Instant::at(key)),
+        None if sway::go_apart(mesh) => Instant::half_way(mesh, carrier.is_none()),
+        None => None,
+    };
+    (carrier.is_some() || middle.is_some()).then_some(Plan {
         carrier,
         still: false,
         middle,
@@ -295,20 +355,17 @@ impl Seen {
     }
 }
 
-/// The mesh as seen in a part of the shutter, in carried space: grids and positions alone.
-fn model(mesh: &DicedMesh, carrier: Option<&Carrier>, keys: RangeInclusive<usize>) -> DicedMesh {
-    let (first, last) = (*keys.start(), *keys.end());
-    let (a, b) = (mesh.key_times[first], mesh.key_times[last]);
-    let key_times = if first == last {
-        vec![0.0]
-    } else {
-        keys.clone()
-            .map(|k| (mesh.key_times[k] - a) / (b - a))
-            .collect()
+/// The mesh as seen at some instants, from first to last, in carried space: grids and positions alone. In carried space they are keys.
+fn model(mesh: &DicedMesh, carrier: Option<&Carrier>, instants: &[Instant]) -> DicedMesh {
+    let times: Vec<f32> = instants.iter().map(|i| i.time(mesh)).collect();
+    let (a, b) = (times[0], times[times.len() - 1]);
+    let key_times = match times.len() {
+        1 => vec![0.0],
+        _ => times.iter().map(|t| (t - a) / (b - a)).collect(),
     };
-    let maps: Vec<_> = keys
-        .clone()
-        .map(|k| carrier.map(|carrier| carrier.inverse_at_key(k)))
+    let maps: Vec<_> = instants
+        .iter()
+        .map(|i| carrier.map(|carrier| carrier.inverse_at_key(i.key)))
         .collect();
     let count = key_times.len();
     let mut positions = vec![Vec3::ZERO; mesh.vertex_count * count];
@@ -323,15 +380,19 @@ fn model(mesh: &DicedMesh, carrier: Option<&Carrier>, keys: RangeInclusive<usize
     }
     parts.into_par_iter().with_min_len(16).for_each(|(g, own)| {
         let n = mesh.grids[g].vertex_count();
-        for ((k, map), own) in keys.clone().zip(&maps).zip(own.chunks_exact_mut(n)) {
-            let old = mesh.grid_positions(g, k);
-            match map {
-                Some((m, by)) => {
-                    for (to, p) in own.iter_mut().zip(old) {
-                        *to = (*m * (p.as_dvec3() - *by)).as_vec3();
-                    }
+        for ((instant, map), own) in instants.iter().zip(&maps).zip(own.chunks_exact_mut(n)) {
+            let old = mesh.grid_positions(g, instant.key);
+            if let Some((m, by)) = map {
+                for (to, p) in own.iter_mut().zip(old) {
+                    *to = (*m * (p.as_dvec3() - *by)).as_vec3();
                 }
-                None => own.copy_from_slice(old),
+            } else if instant.between {
+                let next = mesh.grid_positions(g, instant.key + 1);
+                for (to, (p, q)) in own.iter_mut().zip(old.iter().zip(next)) {
+                    *to = ((p.as_dvec3() + q.as_dvec3()) * 0.5).as_vec3();
+                }
+            } else {
+                own.copy_from_slice(old);
             }
         }
     });

@@ -10,6 +10,7 @@ use hdtrapeze_core::grid::{DicedMesh, PlanarMesh};
 use proptest::prelude::*;
 
 use crate::trace_scenes::*;
+use crate::wind;
 
 /// A vertex's position in f64; rounded by 2^-52 of it.
 fn position(mesh: &PlanarMesh, g: usize, i: usize, time: f64) -> DVec3 {
@@ -178,8 +179,10 @@ fn check_relative(
             for (tree, ends) in trees.iter().zip(ends.windows(2)) {
                 // As they are rounded there.
                 let (a, b) = (ends[0] as f32, ends[1] as f32);
-                let own = mesh.key_times.iter().filter(|key| (a..=b).contains(*key));
-                let key_times = own.map(|&key| f64::from((key - a) / (b - a))).collect();
+                let inner = mesh.key_times.iter().filter(|&&key| a < key && key < b);
+                let mut key_times = vec![0.0];
+                key_times.extend(inner.map(|&key| f64::from((key - a) / (b - a))));
+                key_times.push(1.0);
                 let place = Place {
                     at: &of(ends[0], ends[1]),
                     slack,
@@ -307,6 +310,14 @@ proptest! {
             glam::Quat::from_axis_angle(axis, angle * t) * (p + e) + off + v * t + a * (t * t)
         });
         check_object(m, &times).map_err(TestCaseError::fail)?;
+    }
+
+    #[test]
+    fn strands_in_wind_are_contained(keys in keys_strategy(), seed: u64, far in 0i32..12, times in times_strategy()) {
+        let off = Rng(seed).cube() * (far as f32).exp2();
+        let mut m = wind(60, &keys, seed);
+        m.positions.iter_mut().for_each(|p| *p += off);
+        prop_assert_eq!(check_object(m, &times), Ok(true));
     }
 
     #[test]

@@ -80,8 +80,26 @@ fn scenes() -> Vec<(&'static str, Kind, DicedMesh)> {
         ("sheet", Kind::Parts, sheet(30, 8, &keys(9))),
         ("debris", Kind::Parts, curved::debris(40, 9, &keys(9), 3)),
         ("whip", Kind::Parts, curved::whip(80, &keys(5), 3)),
+        ("wind", Kind::Parts, wind(60, &keys(2), 3)),
+        ("wind, uneven", Kind::Parts, wind(60, &uneven, 4)),
+        ("fur", Kind::Plain, fur(60, &keys(2), 3)),
         ("patches", Kind::Plain, patches(40, 9, &keys(5), 3)),
     ]
+}
+
+/// Fur whose strands sway each its own way, much farther than they are apart.
+fn wind(count: usize, keys: &[f32], seed: u64) -> DicedMesh {
+    let mut m = fur(count, keys, seed);
+    let size = m.grids[0].vertex_count();
+    for strand in m.positions.chunks_exact_mut(size * keys.len()) {
+        let (first, rest) = strand.split_at_mut(size);
+        for p in rest.chunks_exact_mut(size) {
+            for (p, from) in p.iter_mut().zip(&*first) {
+                *p = *from + (*p - *from) * 30.0;
+            }
+        }
+    }
+    m
 }
 
 /// A fan whose blades bend while it turns.
