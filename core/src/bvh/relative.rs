@@ -58,7 +58,7 @@ const LEAST_STILL: usize = 4096;
 pub struct Relative {
     /// What the object follows.
     pub carrier: Option<Carrier>,
-    /// Where the second part of the shutter begins: the time of a key.
+    /// Where the second part of the shutter begins: the time of a key, or half way between two.
     pub middle: Option<f32>,
     /// The trees.
     pub trees: Trees,

@@ -21,7 +21,7 @@ use rayon::prelude::*;
 
 use super::block::{is_small, is_strip};
 use super::thin::are_thin;
-use crate::grid::DicedMesh;
+use crate::grid::{DicedMesh, Grid};
 
 /// How far neighbours go apart, at least, in units of the distance between them.
 const APART: f32 = 5.0;
@@ -29,7 +29,6 @@ const APART: f32 = 5.0;
 const SAMPLES: usize = 32;
 
 /// True where most grids are strands, and go apart. Not where they are [thin](super::thin): their trees are twice as large already.
-/// Positions are finite.
 pub fn go_apart(mesh: &DicedMesh) -> bool {
     let is_strand = |g: &usize| is_strip(&mesh.grids[*g]) && !is_small(&mesh.grids[*g]);
     let strands: Vec<usize> = (0..mesh.grids.len()).filter(is_strand).collect();
@@ -37,22 +36,31 @@ pub fn go_apart(mesh: &DicedMesh) -> bool {
         return false;
     }
     let every = strands.len().div_ceil(SAMPLES);
-    let (apart, distance) = strands
-        .par_iter()
-        .step_by(every)
-        .filter_map(|&strand| apart(mesh, &strands, strand))
-        .reduce(|| (0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
+    let samples = strands.par_iter().step_by(every);
+    let found: Vec<_> = samples.map(|&g| apart(mesh, &strands, g)).collect();
+    // Summed in order, so that any number of threads finds the same.
+    let (mut apart, mut distance) = (0.0, 0.0);
+    for (way, from) in found.into_iter().flatten() {
+        (apart, distance) = (apart + way, distance + from);
+    }
     apart > APART * distance
+}
+
+/// The numbers of a strand's vertices on one side at its begin, middle and end.
+fn along(grid: &Grid) -> [usize; 3] {
+    let (nu, nv) = (usize::from(grid.nu), usize::from(grid.nv));
+    // Rows follow each other.
+    match nu == 1 {
+        true => [0, 2 * (nv / 2), 2 * nv],
+        false => [0, nu / 2, nu],
+    }
 }
 
 /// How far a strand and the one nearest to it, by their middles when the shutter opens, go apart until it closes, in the mean of
 /// their ends and middles; and how far they were from each other. None where there is no other.
 fn apart(mesh: &DicedMesh, strands: &[usize], strand: usize) -> Option<(f32, f32)> {
     let last = mesh.key_count() - 1;
-    let middle = |g: usize| {
-        let points = mesh.grid_positions(g, 0);
-        points[points.len() / 2]
-    };
+    let middle = |g: usize| mesh.grid_positions(g, 0)[along(&mesh.grids[g])[1]];
     let from = middle(strand);
     let others = strands.iter().filter(|&&other| other != strand);
     let (distance, nearest) = others
@@ -60,9 +68,53 @@ fn apart(mesh: &DicedMesh, strands: &[usize], strand: usize) -> Option<(f32, f32
         .min_by(|a, b| a.0.total_cmp(&b.0))?;
     let ways = |g: usize| -> [Vec3; 3] {
         let (from, to) = (mesh.grid_positions(g, 0), mesh.grid_positions(g, last));
-        [0, from.len() / 2, from.len() - 1].map(|i| to[i] - from[i])
+        along(&mesh.grids[g]).map(|i| to[i] - from[i])
     };
     let apart = ways(strand).into_iter().zip(ways(nearest));
     let sum: f32 = apart.map(|(a, b)| a.distance(b)).sum();
     Some((sum / 3.0, distance.sqrt()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Strands beside each other, whose ends go `way` to one side and the other in turns.
+    fn strands(along_rows: bool, way: f32) -> DicedMesh {
+        let mut mesh = DicedMesh {
+            key_times: vec![0.0, 1.0],
+            ..DicedMesh::default()
+        };
+        for element in 0..40 {
+            let (nu, nv) = if along_rows { (8, 1) } else { (1, 8) };
+            for key in 0..2 {
+                let side = if element % 2 == 0 { way } else { -way };
+                for j in 0..=nv {
+                    for i in 0..=nu {
+                        let (v, u) = if along_rows { (i, j) } else { (j, i) };
+                        let bend = side * (key * v * v) as f32 / 64.0;
+                        let x = element as f32 + 0.1 * u as f32 + bend;
+                        mesh.positions.push(Vec3::new(x, 0.0, v as f32));
+                    }
+                }
+            }
+            mesh.grids.push(Grid {
+                first_vertex: mesh.vertex_count as u32,
+                element,
+                nu: nu as u16,
+                nv: nv as u16,
+            });
+            mesh.vertex_count += 18;
+        }
+        mesh
+    }
+
+    #[test]
+    fn what_parts_far_enough_is_told_however_rows_run() {
+        for along_rows in [false, true] {
+            // Neighbours, 1 apart, part by (0 + 1/4 + 1) / 3 of twice the way.
+            assert!(go_apart(&strands(along_rows, 6.1)), "{along_rows}");
+            assert!(!go_apart(&strands(along_rows, 5.9)), "{along_rows}");
+        }
+    }
 }
