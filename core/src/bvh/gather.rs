@@ -45,15 +45,32 @@ pub struct Part<B: Bounds8> {
     pub reach: f64,
 }
 
-/// Turns a mesh into rows, and gathers all its grids, with `upright` without frames; those that are not sound are left out.
-pub fn gather<B: Bounds8>(mesh: DicedMesh, upright: bool) -> (PlanarMesh, Vec<Part<B>>) {
+/// How grids are gathered.
+#[derive(Clone, Copy, Debug)]
+pub struct How {
+    /// Strips are cut into single micropolygons, not into every two.
+    pub singles: bool,
+    /// Blocks have no frames.
+    pub upright: bool,
+}
+
+impl How {
+    /// What pays for a mesh.
+    pub fn of(mesh: &DicedMesh) -> Self {
+        Self {
+            singles: are_thin(mesh),
+            upright: false,
+        }
+    }
+}
+
+/// Turns a mesh into rows, and gathers all its grids; those that are not sound are left out.
+pub fn gather<B: Bounds8>(mesh: DicedMesh, how: How) -> (PlanarMesh, Vec<Part<B>>) {
     let level = Level::best();
-    let singles = are_thin(&mesh);
     PlanarMesh::turned(mesh, |run: Run<'_>| {
-        let mut part = Part::with_room(run.grids(), singles);
+        let mut part = Part::with_room(run.grids(), how.singles);
         let mut spans = Vec::new();
         run.turn(level, |g, rows| {
-            let how = (singles, upright);
             let added = rows.and_then(|rows| part.add(level, g, &rows, &mut spans, how));
             part.dropped += u64::from(added.is_none());
         });
@@ -123,15 +140,14 @@ impl<B: Bounds8> Part<B> {
         Some(true)
     }
 
-    /// Adds the items of one grid: all, or none where a vertex cannot be traced. Strips are cut into `singles` or not, and blocks
-    /// have no frames where `upright`.
+    /// Adds the items of one grid: all, or none where a vertex cannot be traced.
     fn add(
         &mut self,
         level: Level,
         g: u32,
         rows: &GridRows<'_>,
         spans: &mut Vec<Span>,
-        (singles, upright): (bool, bool),
+        How { singles, upright }: How,
     ) -> Option<()> {
         if !is_bounded(level, rows) {
             return None;
@@ -260,7 +276,11 @@ mod tests {
         });
         let mut part = Part::with_room([grid].iter(), true);
         let rows = mesh.grid_rows(0);
-        let added = part.add(Level::best(), 0, &rows, &mut Vec::new(), (true, false));
+        let how = How {
+            singles: true,
+            upright: false,
+        };
+        let added = part.add(Level::best(), 0, &rows, &mut Vec::new(), how);
         (added, part)
     }
 

@@ -14,7 +14,7 @@ use super::block::Block;
 use super::bowing::Bowing;
 use super::build::{NEVER, Nodes, PARALLEL_ITEMS, Tree, build_sorted};
 use super::diagonal::CHILDREN;
-use super::gather::{Gathered, Part, gather, joined};
+use super::gather::{Gathered, How, Part, gather, joined};
 use super::node::magnitude;
 use super::orient::Strands;
 use super::outline::{self, Outline};
@@ -207,9 +207,13 @@ impl ObjectGeometry {
     }
 
     fn in_own_space(mesh: DicedMesh, upright: bool) -> Self {
+        let how = How {
+            upright,
+            ..How::of(&mesh)
+        };
         match mesh.is_moving() {
-            true => build_blocks(mesh, false, upright).object(Blas::Moving),
-            false => build_blocks(mesh, false, upright).object(Blas::Static),
+            true => build_blocks(mesh, false, how).object(Blas::Moving),
+            false => build_blocks(mesh, false, how).object(Blas::Static),
         }
     }
 
@@ -375,10 +379,9 @@ impl About {
     }
 }
 
-/// Turns a mesh into rows and builds the tree over it, of full nodes where `full`, or where that costs no time; without
-/// frames where `upright`.
-pub(super) fn build_blocks<B: Bounds8>(mesh: DicedMesh, full: bool, upright: bool) -> Blocks<B> {
-    let (mesh, parts): (PlanarMesh, Vec<Part<B>>) = gather(mesh, upright);
+/// Turns a mesh into rows and builds the tree over it, of full nodes where `full`, or where that costs no time.
+pub(super) fn build_blocks<B: Bounds8>(mesh: DicedMesh, full: bool, how: How) -> Blocks<B> {
+    let (mesh, parts): (PlanarMesh, Vec<Part<B>>) = gather(mesh, how);
     let mut bounds = LinearBox::EMPTY;
     let (mut reach, mut strips, mut dropped) = (0.0f64, 0, 0);
     for part in &parts {
@@ -409,7 +412,7 @@ pub(super) fn build_blocks<B: Bounds8>(mesh: DicedMesh, full: bool, upright: boo
     let tree: Tree<B> = build_sorted(
         items,
         nodes,
-        (strips > 0 && !upright).then_some(&strands),
+        (strips > 0 && !how.upright).then_some(&strands),
         &NEVER,
     );
     hdtrapeze_pages::settle(&tree.nodes);

@@ -6,7 +6,7 @@
 //!
 //! - **A carried space** ([`super::carrier`]): the tree is built over positions relative to a rotation and a
 //!   translation that the whole object follows. What is rigid does not move there, and has a tree that does not either.
-//! - **Parts of the shutter**: a tree of its own for the time before a key, and one for that after it. Each is
+//! - **Parts of the shutter**: a tree of its own for the time before an instant, most often a key, and one for that after it. Each is
 //!   half as long, and strays a quarter as far. This doubles the memory, but for nodes that are fuller, so there are no more than two.
 //!   Strands that go apart from each other gain by that however straight they go ([`super::sway`]), and are parted half way between two keys, too.
 //!
@@ -14,7 +14,7 @@
 //! to carried space and to a part's time before they meet it. Micropolygons are tested in the mesh's own space,
 //! so hits have the same bits as without.
 //!
-//! **Rounding.** A part from key time `a` to `b` sees time `t` as `(t - a) / (b - a)`, and each of its keys likewise.
+//! **Rounding.** A part from time `a` to `b` sees time `t` as `(t - a) / (b - a)`, and each of its keys likewise.
 //! In f32 each is off by at most 3 roundings of at most 1 (difference, difference, quotient), and so `6 U` together;
 //! over a motion of at most 2 radii that is `12 U` radii. A model's positions, found in f64, are rounded once: `1 U`
 //! radius. On the axes of a frame both are up to sqrt(3) larger, 22.6. [`MODEL_PAD`] has room for them, and for
@@ -29,6 +29,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::carrier::{Carrier, sample};
+use super::gather::How;
 use super::linear::round_up;
 use super::object::{BlockTree, BvhStats, build_blocks};
 use super::sway;
@@ -121,12 +122,11 @@ impl Instant {
         }
     }
 
-    /// Near half of the shutter: the key that is nearest, or what is between two keys where there are no others and things
-    /// go `straight` from one to the other.
-    fn half_way(mesh: &DicedMesh, straight: bool) -> Option<Self> {
+    /// Near half of the shutter: the key that is nearest, or what is between two keys where there are no others.
+    fn half_way(mesh: &DicedMesh) -> Option<Self> {
         let off = |key: usize| (mesh.key_times[key] - 0.5).abs();
         match mesh.key_count() {
-            2 => straight.then_some(Self {
+            2 => Some(Self {
                 key: 0,
                 between: true,
             }),
@@ -189,7 +189,9 @@ pub fn build(mesh: &DicedMesh) -> Option<Built> {
             return None;
         }
         slack = carrier.stretch() * e;
-        let found = build_blocks(model(mesh, None, &[Instant::at(0)]), false, false);
+        let model = model(mesh, None, &[Instant::at(0)]);
+        let how = How::of(&model);
+        let found = build_blocks(model, false, how);
         (radius, stats) = (found.radius, found.stats);
         Trees::Still(found.tree)
     } else {
@@ -198,13 +200,16 @@ pub fn build(mesh: &DicedMesh) -> Option<Built> {
             None => vec![(0..=last).map(Instant::at).collect()],
         };
         let mut trees = Vec::new();
+        // Of the first part, for both: the second is not of twice the size where strands lean later.
+        let mut how = None;
         for instants in parts {
             let first = instants[0].key;
             let model = model(mesh, carrier, &instants);
             if let Some(carrier) = carrier.filter(|c| c.turns()) {
                 slack = slack.max(straying(&model, carrier, first));
             }
-            let found = build_blocks(model, plan.middle.is_some(), false);
+            let how = *how.get_or_insert_with(|| How::of(&model));
+            let found = build_blocks(model, plan.middle.is_some(), how);
             radius = radius.max(found.radius);
             stats = stats.plus(&found.stats);
             trees.push(found.tree);
@@ -269,7 +274,8 @@ fn choose(mesh: &DicedMesh) -> Option<Plan> {
     let halves = halves.filter(|h| h.0 < HALVES_SHARE * area);
     let middle = match halves {
         Some((_, key)) => Some(Instant::at(key)),
-        None if sway::go_apart(mesh) => Instant::half_way(mesh, carrier.is_none()),
+        // What follows a carrier is told to go apart by the turn alone.
+        None if carrier.is_none() && sway::go_apart(mesh) => Instant::half_way(mesh),
         None => None,
     };
     (carrier.is_some() || middle.is_some()).then_some(Plan {
@@ -355,10 +361,12 @@ impl Seen {
     }
 }
 
-/// The mesh as seen at some instants, from first to last, in carried space: grids and positions alone. In carried space they are keys.
+/// The mesh as seen at some instants, from first to last, in carried space: grids and positions alone. Where there is a carrier all
+/// are keys.
 fn model(mesh: &DicedMesh, carrier: Option<&Carrier>, instants: &[Instant]) -> DicedMesh {
     let times: Vec<f32> = instants.iter().map(|i| i.time(mesh)).collect();
     let (a, b) = (times[0], times[times.len() - 1]);
+    debug_assert!(carrier.is_none() || instants.iter().all(|i| !i.between));
     let key_times = match times.len() {
         1 => vec![0.0],
         _ => times.iter().map(|t| (t - a) / (b - a)).collect(),
