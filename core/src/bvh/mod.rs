@@ -46,6 +46,7 @@ pub mod group8;
 mod guess;
 pub mod lanes;
 pub mod linear;
+mod model;
 pub mod node;
 pub mod object;
 pub mod orient;
@@ -57,6 +58,7 @@ pub mod sorted;
 mod split;
 mod strip8;
 mod sway;
+mod tame;
 mod thin;
 pub mod turn;
 

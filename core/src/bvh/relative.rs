@@ -31,8 +31,10 @@ use rayon::prelude::*;
 use super::carrier::{Carrier, sample};
 use super::gather::How;
 use super::linear::round_up;
+use super::model::{Instant, model};
 use super::object::{BlockTree, BvhStats, build_blocks};
 use super::sway;
+use super::tame::{TAME, key_ranges};
 use super::{CarriedSlabs, LinearBox, LinearSlabs, U};
 use crate::grid::DicedMesh;
 
@@ -40,8 +42,6 @@ use crate::grid::DicedMesh;
 const MODEL_PAD: f32 = 32.0 * U;
 /// Positions within this part of the radius are the same position, rounded twice.
 const STILL: f64 = 64.0 * U as f64;
-/// Coordinates beyond are left to trees of the ordinary kind, which drop what cannot be traced grid by grid.
-const TAME: f32 = (1u64 << 52) as f32;
 /// Grids in a sample.
 const SAMPLE: usize = 128;
 /// A carried space must leave less than this part of the area of the sample.
@@ -49,8 +49,6 @@ const SHARE: f32 = 0.7;
 /// Halves of the shutter must leave less than this part of it. Where a chord is good enough they leave 0.92 and more,
 /// on arcs 0.76 and less.
 const HALVES_SHARE: f32 = 0.85;
-/// Where strands go apart, the shutter is parted this near to its half, or not at all.
-const MOST_OFF: f32 = 0.25;
 /// Objects of fewer micropolygons are not worth a carried space for standing still in it alone.
 const LEAST_STILL: usize = 4096;
 
@@ -105,57 +103,6 @@ struct Plan {
     carrier: Option<Carrier>,
     still: bool,
     middle: Option<Instant>,
-}
-
-/// An instant that trees see: a key, or half way from it to the next.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Instant {
-    key: usize,
-    between: bool,
-}
-
-impl Instant {
-    fn at(key: usize) -> Self {
-        Self {
-            key,
-            between: false,
-        }
-    }
-
-    /// Near half of the shutter: the key that is nearest, or what is between two keys where there are no others.
-    fn half_way(mesh: &DicedMesh) -> Option<Self> {
-        let off = |key: usize| (mesh.key_times[key] - 0.5).abs();
-        match mesh.key_count() {
-            2 => Some(Self {
-                key: 0,
-                between: true,
-            }),
-            keys => (1..keys - 1)
-                .min_by(|&a, &b| off(a).total_cmp(&off(b)))
-                .filter(|&key| off(key) < MOST_OFF)
-                .map(Self::at),
-        }
-    }
-
-    fn time(self, mesh: &DicedMesh) -> f32 {
-        let time = mesh.key_times[self.key];
-        match self.between {
-            true => 0.5 * (time + mesh.key_times[self.key + 1]),
-            false => time,
-        }
-    }
-
-    /// The first part of the shutter, which ends here, or the second: all that a tree of it sees.
-    fn part(self, second: bool, last: usize) -> Vec<Self> {
-        let keys = |keys: RangeInclusive<usize>| keys.map(Self::at);
-        let here = std::iter::once(self);
-        match second {
-            false => keys(0..=self.key)
-                .chain(here.filter(|i| i.between))
-                .collect(),
-            true => here.chain(keys(self.key + 1..=last)).collect(),
-        }
-    }
 }
 
 /// What [`build`] found.
@@ -361,58 +308,6 @@ impl Seen {
     }
 }
 
-/// The mesh as seen at some instants, from first to last, in carried space: grids and positions alone. Where there is a carrier all
-/// are keys.
-fn model(mesh: &DicedMesh, carrier: Option<&Carrier>, instants: &[Instant]) -> DicedMesh {
-    let times: Vec<f32> = instants.iter().map(|i| i.time(mesh)).collect();
-    let (a, b) = (times[0], times[times.len() - 1]);
-    debug_assert!(carrier.is_none() || instants.iter().all(|i| !i.between));
-    let key_times = match times.len() {
-        1 => vec![0.0],
-        _ => times.iter().map(|t| (t - a) / (b - a)).collect(),
-    };
-    let maps: Vec<_> = instants
-        .iter()
-        .map(|i| carrier.map(|carrier| carrier.inverse_at_key(i.key)))
-        .collect();
-    let count = key_times.len();
-    let mut positions = vec![Vec3::ZERO; mesh.vertex_count * count];
-    let (mut rest, mut from) = (&mut positions[..], 0);
-    let mut parts: Vec<(usize, &mut [Vec3])> = Vec::with_capacity(mesh.grids.len());
-    for (g, grid) in mesh.grids.iter().enumerate() {
-        let (start, n) = (grid.first_vertex as usize, grid.vertex_count());
-        let (_, after) = rest.split_at_mut((start - from) * count);
-        let (own, after) = after.split_at_mut(n * count);
-        parts.push((g, own));
-        (rest, from) = (after, start + n);
-    }
-    parts.into_par_iter().with_min_len(16).for_each(|(g, own)| {
-        let n = mesh.grids[g].vertex_count();
-        for ((instant, map), own) in instants.iter().zip(&maps).zip(own.chunks_exact_mut(n)) {
-            let old = mesh.grid_positions(g, instant.key);
-            if let Some((m, by)) = map {
-                for (to, p) in own.iter_mut().zip(old) {
-                    *to = (*m * (p.as_dvec3() - *by)).as_vec3();
-                }
-            } else if instant.between {
-                let next = mesh.grid_positions(g, instant.key + 1);
-                for (to, (p, q)) in own.iter_mut().zip(old.iter().zip(next)) {
-                    *to = ((p.as_dvec3() + q.as_dvec3()) * 0.5).as_vec3();
-                }
-            } else {
-                own.copy_from_slice(old);
-            }
-        }
-    });
-    DicedMesh {
-        key_times,
-        grids: mesh.grids.clone(),
-        vertex_count: mesh.vertex_count,
-        positions,
-        ..DicedMesh::default()
-    }
-}
-
 /// The largest of numbers about grids.
 fn most(mesh: &DicedMesh, of: impl Fn(usize) -> f64 + Send + Sync) -> f64 {
     let grids = (0..mesh.grids.len()).into_par_iter().with_min_len(16);
@@ -454,29 +349,6 @@ fn straying(model: &DicedMesh, carrier: &Carrier, first: usize) -> f64 {
         }
         most
     })
-}
-
-/// Ranges of coordinates at every key. None where a coordinate is not finite, or not tame.
-fn key_ranges(mesh: &DicedMesh) -> Option<Vec<(Vec3, Vec3)>> {
-    let empty = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-    let mut out = Vec::with_capacity(mesh.key_count());
-    for k in 0..mesh.key_count() {
-        let of = |g: usize| {
-            let points = mesh.grid_positions(g, k);
-            let tame = points.iter().all(|p| {
-                // Comparisons with NaN are false.
-                p.x.abs() < TAME && p.y.abs() < TAME && p.z.abs() < TAME
-            });
-            let range = |(lo, hi): (Vec3, Vec3), p: &Vec3| (lo.min(*p), hi.max(*p));
-            tame.then(|| points.iter().fold(empty, range))
-        };
-        let grids = (0..mesh.grids.len()).into_par_iter().with_min_len(64);
-        let range = grids
-            .map(of)
-            .try_reduce(|| empty, |a, b| Some((a.0.min(b.0), a.1.max(b.1))))?;
-        out.push(range);
-    }
-    Some(out)
 }
 
 /// Axis-aligned bounds of a mesh over time, in its own space.

@@ -13,7 +13,7 @@
 //! | 1 million | 10.6 | 0.92 | 0.86 |
 //! | 4 million | 20.9 | 0.93 | 0.86 |
 //!
-//! That takes twice the memory, and builds of 2.6 times the time: [`APART`] lies where it begins to be worth it. Combed fur of 1
+//! That takes twice the memory, and builds of 2.3 times the time: [`APART`] lies where it begins to be worth it. Combed fur of 1
 //! million parts by 2.2 times, for 0.95 and 0.87, and builds more slowly as it is. Sheets and patches of 1 million, which
 //! stay together, gain nothing: 1.01 and 1.02, and rays that leave patches 1.15.
 

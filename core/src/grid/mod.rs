@@ -137,6 +137,16 @@ impl DicedMesh {
         hdtrapeze_pages::expect_large(&mut self.positions);
         Ok(())
     }
+    /// Makes the positions of all vertices zero, at all keys, in the same pages and with the same room, which nobody has written to yet:
+    /// several threads may, at once.
+    pub fn zero_positions(&mut self) {
+        let all = self.vertex_count * self.key_count();
+        // Of plain numbers, since only such vectors come zeroed from the system.
+        let floats = vec![0.0f32; 3 * (all + planar::PAD.div_ceil(3))];
+        self.positions = bytemuck::cast_vec(floats);
+        hdtrapeze_pages::expect_large(&mut self.positions);
+        self.positions.truncate(all);
+    }
     /// True when vertices move within the shutter.
     pub fn is_moving(&self) -> bool {
         self.key_times.len() > 1

@@ -384,9 +384,9 @@ impl PlanarMesh {
             key_times: self.key_times.clone(),
             grids: self.grids.clone(),
             vertex_count: self.vertex_count,
-            positions: vec![Vec3::ZERO; self.vertex_count * self.key_count()],
             ..DicedMesh::default()
         };
+        out.zero_positions();
         let sound = self.sound_grids();
         for g in (0..self.grids.len()).filter(|&g| sound[g]) {
             let n = self.grids[g].vertex_count();
@@ -486,7 +486,11 @@ mod tests {
         assert_eq!(copy, mesh);
         let mesh = PlanarMesh::from(mesh);
         assert_eq!(mesh.floats.as_ptr().addr(), at);
-        for floats in [mesh.floats, PlanarMesh::from(copy).floats] {
+        let bare = mesh.bare();
+        let at = bare.positions.as_ptr().addr();
+        let bare = PlanarMesh::from(bare);
+        assert_eq!((bare.floats.as_ptr().addr(), &bare), (at, &mesh));
+        for floats in [mesh.floats, PlanarMesh::from(copy).floats, bare.floats] {
             assert_ne!(hdtrapeze_pages::were_asked_for(&floats), Some(false));
         }
     }
