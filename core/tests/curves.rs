@@ -9,7 +9,7 @@ use hdtrapeze_core::bvh::ObjectGeometry;
 use hdtrapeze_core::camera::Camera;
 use hdtrapeze_core::curve::{CurveDice, CurveSet, dice};
 use hdtrapeze_core::dice::RasterMetric;
-use hdtrapeze_core::grid::{DicedMesh, octahedral};
+use hdtrapeze_core::grid::{DicedMesh, Grid, octahedral};
 use hdtrapeze_core::motion::{PointPath, Shutter};
 use hdtrapeze_core::scene::{
     CameraDesc, CurveBasis, CurveForm, CurveWrap, CurvesDesc, PointsSamples, RenderSettings,
@@ -322,14 +322,22 @@ fn distance_to(polyline: &[DVec3], p: DVec3) -> f64 {
         .fold(f64::INFINITY, f64::min)
 }
 
+/// What is at both edges of a ribbon, from station to station: across it is u.
+fn pairs<'a, T>(grid: &Grid, at_vertices: &'a [T]) -> &'a [[T; 2]] {
+    assert_eq!(grid.nu, 1);
+    at_vertices.as_chunks().0
+}
+
 /// The middles of a ribbon's lattice, in order.
 fn middles(mesh: &DicedMesh, key: usize) -> Vec<DVec3> {
     let mut out: Vec<DVec3> = Vec::new();
     for (g, grid) in mesh.grids.iter().enumerate() {
         let p = mesh.grid_positions(g, key);
-        let row = usize::from(grid.nu) + 1;
-        assert_eq!(grid.nv, 1);
-        out.extend((0..row).map(|i| (p[i].as_dvec3() + p[row + i].as_dvec3()) / 2.0));
+        out.extend(
+            pairs(grid, p)
+                .iter()
+                .map(|[a, b]| (a.as_dvec3() + b.as_dvec3()) / 2.0),
+        );
     }
     out
 }
@@ -430,18 +438,17 @@ fn widths_are_interpolated_as_their_kind_says() {
         let mut cells = 0;
         for (g, grid) in mesh.grids.iter().enumerate() {
             let p = mesh.grid_positions(g, 0);
-            let row = usize::from(grid.nu) + 1;
-            for i in 0..row {
-                let (a, b) = (p[i].as_dvec3(), p[row + i].as_dvec3());
-                let want = expected(f64::from(p[i].x));
+            for edges in pairs(grid, p) {
+                let [a, b] = edges.map(Vec3::as_dvec3);
+                let want = expected(a.x);
                 assert!(
                     ((a - b).length() - want).abs() < 1e-6,
                     "{widths:?}: {} at {} rather than {want}",
                     (a - b).length(),
-                    p[i].x
+                    a.x
                 );
             }
-            cells += grid.nu;
+            cells += grid.nv;
         }
         // What lies between is followed to a tenth of a pixel.
         let wants_more = matches!(widths, Values::Vertex(_));
@@ -467,14 +474,14 @@ fn ribbons_face_the_camera_with_their_full_width() {
         for g in 0..mesh.grids.len() {
             let p = mesh.grid_positions(g, 0);
             let n = mesh.grid_normals(g, 0);
-            let row = usize::from(mesh.grids[g].nu) + 1;
-            for i in 0..row {
-                let (a, b) = (p[i].as_dvec3(), p[row + i].as_dvec3());
+            let grid = &mesh.grids[g];
+            for (edges, normals) in pairs(grid, p).iter().zip(pairs(grid, n)) {
+                let [a, b] = edges.map(Vec3::as_dvec3);
                 assert!(((b - a).length() - 0.02).abs() < 1e-6);
                 let view = (at - (a + b) / 2.0).normalize();
                 assert!((b - a).normalize().dot(view).abs() < 1e-3);
                 // Shaded round: towards the camera in the middle, to its own side at each edge.
-                let [l, r] = [n[i], n[row + i]].map(|n| octahedral::decode(n).as_dvec3());
+                let [l, r] = normals.map(|n| octahedral::decode(n).as_dvec3());
                 assert!((l + r).dot(view) > 0.0);
                 let lean = (r - l).normalize().dot((b - a).normalize());
                 assert!(lean > 0.999, "{lean}");
@@ -500,17 +507,16 @@ fn flat_ribbons_lie_across_their_normals() {
         };
         for g in 0..mesh.grids.len() {
             let p = mesh.grid_positions(g, 0);
-            let row = usize::from(mesh.grids[g].nu) + 1;
-            assert_eq!(mesh.grids[g].nv, 1);
-            for i in 0..row {
-                let (a, b) = (p[i].as_dvec3(), p[row + i].as_dvec3());
+            let (grid, n) = (&mesh.grids[g], mesh.grid_normals(g, 0));
+            for (i, (edges, normals)) in pairs(grid, p).iter().zip(pairs(grid, n)).enumerate() {
+                let [a, b] = edges.map(Vec3::as_dvec3);
                 let t = ((a.x + 1.5) / 1.5).min(1.0);
                 let normal = DVec3::new(0.0, t, 1.0 - t).normalize();
                 assert!(((b - a).length() - 0.2).abs() < 1e-6);
                 assert!((b - a).dot(normal).abs() < 1e-6);
-                let stored = octahedral::decode(mesh.grid_normals(g, 0)[i]).as_dvec3();
+                let stored = octahedral::decode(normals[0]).as_dvec3();
                 assert!((stored - normal).length() < 1e-3, "{stored} {normal}");
-                let out = (p[1] - p[0]).as_dvec3().cross((p[row] - p[0]).as_dvec3());
+                let out = (p[1] - p[0]).as_dvec3().cross((p[2] - p[0]).as_dvec3());
                 assert!(out.dot(stored) > 0.0 || i > 1);
             }
         }
@@ -599,10 +605,9 @@ fn keys_are_added_where_facing_turns_and_only_there() {
     assert_eq!(seen(&near, &fly, CurveForm::Tubes).key_count(), 1);
     // At each key the edge is where that key's camera sees it.
     let p = |k: usize| mesh.grid_positions(0, k);
-    let row = usize::from(mesh.grids[0].nu) + 1;
     for (k, &time) in mesh.key_times.iter().enumerate() {
         let eye = DVec3::new(0.0, 1.5 * f64::from(time), 10.0);
-        let (a, b) = (p(k)[0].as_dvec3(), p(k)[row].as_dvec3());
+        let [a, b] = pairs(&mesh.grids[0], p(k))[0].map(Vec3::as_dvec3);
         let view = (eye - (a + b) / 2.0).normalize();
         assert!((b - a).normalize().dot(view).abs() < 1e-3);
     }
@@ -624,14 +629,13 @@ fn ribbons_follow_their_points_and_transform() {
     let matrices = [shear(0.0), shear(0.8)];
     let path = PointPath::new(&[0.0, 1.0], vec![0.0, 1.0], &matrices, DVec3::X);
     let mesh = placed(&set, &camera(DVec3::ZERO), CurveForm::Ribbons, &path);
-    let row = usize::from(mesh.grids[0].nu) + 1;
     for (k, &time) in mesh.key_times.iter().enumerate() {
         let t = f64::from(time);
         let m = shear(0.8 * t);
         let points = [0, 1].map(|i| keys[0][i].as_dvec3().lerp(keys[1][i].as_dvec3(), t));
         let way = points[1] - points[0];
-        let p = mesh.grid_positions(0, k);
-        let (a, b) = (p[0].as_dvec3() + DVec3::X, p[row].as_dvec3() + DVec3::X);
+        let ends = pairs(&mesh.grids[0], mesh.grid_positions(0, k))[0];
+        let [a, b] = ends.map(|p| p.as_dvec3() + DVec3::X);
         let middle = m.transform_point3(points[0]);
         assert!(((a + b) / 2.0 - middle).length() < 1e-5);
         // Back in object space the edge is at a right angle to the curve and to the ray to the eye.

@@ -24,7 +24,7 @@ impl Taken {
         let mut slots = Vec::new();
         for run in runs(stations) {
             match form {
-                Form::Flat | Form::Facing => slots.push(part.grid(element, run.len(), 1)),
+                Form::Flat | Form::Facing => slots.push(part.grid(element, 1, run.len())),
                 Form::Tube { sides, .. } => {
                     for piece in pieces(sides.into()) {
                         slots.push(part.grid(element, run.len(), piece.len()));
@@ -82,10 +82,9 @@ pub fn ribbon(
     part: &mut Part<'_>,
 ) {
     for (slot, run) in taken.slots.iter().zip(runs(stations)) {
-        let row = run.len() + 1;
-        for (column, i) in (run.start..=run.end).enumerate() {
+        for (row, i) in (run.start..=run.end).enumerate() {
             let s = &sections[i];
-            let (way, _) = way(s, &stations[i], column == run.len());
+            let (way, _) = way(s, &stations[i], row == run.len());
             let middle = way.cross(s.side);
             let (middle, lean) = match to_eye {
                 None => (middle, DVec3::ZERO),
@@ -96,8 +95,9 @@ pub fn ribbon(
                 }
             };
             let edge = s.edge(s.side);
-            placing.vertex(part, slot, column, s.p - edge, middle - lean);
-            placing.vertex(part, slot, row + column, s.p + edge, middle + lean);
+            // In this order u x v points as the curve's direction x the side does.
+            placing.vertex(part, slot, 2 * row, s.p + edge, middle + lean);
+            placing.vertex(part, slot, 2 * row + 1, s.p - edge, middle - lean);
         }
     }
 }
@@ -177,11 +177,17 @@ pub fn channel(
 ) {
     let width = values.len() / stations.len();
     let value = |i: usize| &values[i * width..][..width];
-    let around = match form {
-        Form::Flat | Form::Facing => 1,
-        Form::Tube { sides, .. } => usize::from(sides),
-    };
     let mut slots = taken.slots.iter();
+    let Form::Tube { sides, caps } = form else {
+        for (slot, run) in slots.zip(runs(stations)) {
+            for (row, i) in (run.start..=run.end).enumerate() {
+                part.value(slot, channel, 2 * row, value(i));
+                part.value(slot, channel, 2 * row + 1, value(i));
+            }
+        }
+        return;
+    };
+    let around = usize::from(sides);
     for run in runs(stations) {
         let row = run.len() + 1;
         for piece in pieces(around) {
@@ -193,7 +199,7 @@ pub fn channel(
             }
         }
     }
-    if !matches!(form, Form::Tube { caps: true, .. }) {
+    if !caps {
         return;
     }
     for end in [0, stations.len() - 1] {

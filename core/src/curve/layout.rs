@@ -1,5 +1,6 @@
-//! How a curve is laid out in grids, once its stations are chosen: u runs along the curve, v across a
-//! ribbon or around a tube.
+//! How a curve is laid out in grids, once its stations are chosen. On a tube u runs along the curve, and v around it. On a
+//! ribbon v runs along it, and u across: so what a few of its micropolygons need is side by side in memory, not in a row of each
+//! coordinate of each edge ([`crate::grid::planar`]).
 
 use std::ops::Range;
 
@@ -65,7 +66,7 @@ impl Form {
     pub fn measure(self, stations: &[Station], size: &mut Size) {
         for run in runs(stations) {
             match self {
-                Form::Flat | Form::Facing => size.add(run.len(), 1),
+                Form::Flat | Form::Facing => size.add(1, run.len()),
                 Form::Tube { sides, .. } => {
                     for piece in pieces(sides.into()) {
                         size.add(run.len(), piece.len());
