@@ -42,6 +42,8 @@ pub trait Float<const N: usize>:
     fn mul_add(self, by: Self, plus: Self) -> Self;
     /// Quotients.
     fn over(self, by: Self) -> Self;
+    /// Square roots.
+    fn sqrt(self) -> Self;
     /// Magnitudes.
     fn abs(self) -> Self;
     /// `self < other`; false for NaN.

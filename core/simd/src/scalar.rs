@@ -99,6 +99,10 @@ impl<const N: usize> Float<N> for Array<N> {
         self.each(by, |a, b| a / b)
     }
     #[inline]
+    fn sqrt(self) -> Self {
+        Array(self.0.map(f32::sqrt))
+    }
+    #[inline]
     fn abs(self) -> Self {
         Array(self.0.map(f32::abs))
     }

@@ -32,6 +32,7 @@ impl Everything {
         put(a.min(b));
         put(a.max(b));
         put(a.over(b));
+        put(a.sqrt());
         put(a.abs());
         put(a.or(a.lt(b), b));
         let masks = [a.lt(b), a.le(b), a.lt(b) & b.le(a), a.lt(b) | b.lt(a)];

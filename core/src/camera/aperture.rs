@@ -8,6 +8,8 @@
 //! goes to the point of the outline below which the same share of the area lies, and its radius scales
 //! that point: the density is the same everywhere, since an element r dr d(share) is.
 
+use std::hint::select_unpredictable;
+
 use glam::{DVec2, Vec2};
 
 use super::CameraNotes;
@@ -187,17 +189,18 @@ impl BentSide {
 
 /// Unit square to unit disk, keeping strata together (Shirley and Chiu, "A Low Distortion Map
 /// Between Disk and Square", JGT 1997).
+#[inline]
 pub fn concentric_disk(u: f32, v: f32) -> Vec2 {
     use std::f32::consts::{FRAC_PI_2, FRAC_PI_4};
     let p = Vec2::new(2.0 * u - 1.0, 2.0 * v - 1.0);
     if p == Vec2::ZERO {
         return Vec2::ZERO;
     }
-    let (r, angle) = if p.x.abs() > p.y.abs() {
-        (p.x, FRAC_PI_4 * (p.y / p.x))
-    } else {
-        (p.y, FRAC_PI_2 - FRAC_PI_4 * (p.x / p.y))
-    };
+    // Nobody guesses which is larger.
+    let wide = p.x.abs() > p.y.abs();
+    let (r, other) = select_unpredictable(wide, (p.x, p.y), (p.y, p.x));
+    let turned = FRAC_PI_4 * (other / r);
+    let angle = select_unpredictable(wide, turned, FRAC_PI_2 - turned);
     Vec2::new(angle.cos(), angle.sin()) * r
 }
 

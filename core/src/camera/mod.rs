@@ -204,6 +204,7 @@ impl Camera {
     }
 
     /// Camera to world at `time`, rotation and position relative to [`Camera::origin`].
+    #[inline]
     pub fn pose(&self, time: f32) -> (Mat3, Vec3) {
         self.fixed.unwrap_or_else(|| {
             let m = self.poses.at(f64::from(time));
@@ -213,11 +214,13 @@ impl Camera {
 
     /// The ray through raster position `raster` (pixels) and lens point `lens` (in units of the
     /// lens' radius) at `time`. World space relative to [`Camera::origin`]; `t` is depth.
+    #[inline]
     pub fn ray(&self, raster: Vec2, lens: Vec2, time: f32) -> Ray {
         self.ray_through::<true>(raster, lens, time)
     }
 
     /// [`Camera::ray`] through the middle of the lens, for cameras that have none.
+    #[inline]
     pub fn pinhole_ray(&self, raster: Vec2, time: f32) -> Ray {
         self.ray_through::<false>(raster, Vec2::ZERO, time)
     }
@@ -273,6 +276,7 @@ impl Camera {
     }
 
     /// Camera-space direction of a world-space normal at `time`, unit length.
+    #[inline]
     pub fn normal_to_camera(&self, n: Vec3, time: f32) -> Vec3 {
         let (rotation, _) = self.pose(time);
         (rotation.transpose() * n).normalize_or_zero()
@@ -306,6 +310,7 @@ impl Camera {
         view
     }
 
+    #[inline]
     fn size(&self) -> Vec2 {
         Vec2::new(self.resolution[0] as f32, self.resolution[1] as f32)
     }

@@ -60,6 +60,7 @@ impl Window {
     }
 
     /// Point of the window at `unit` ([0, 1], y down).
+    #[inline]
     pub fn point(&self, unit: Vec2) -> Vec2 {
         Vec2::new(
             self.min.x + (self.max.x - self.min.x) * unit.x,

@@ -206,9 +206,9 @@ impl Keeps {
         self.color
     }
 
-    /// True when anything of a sample's first surface is asked for.
-    pub fn first(self) -> bool {
-        self.point || self.means || self.primvars.floats > 0
+    /// True when anything of the first surface of every sample is asked for.
+    pub fn first_of_all(self) -> bool {
+        self.means || self.primvars.floats > 0
     }
 
     /// Values of primvar AOVs; none where none is asked for.
@@ -379,8 +379,8 @@ impl Tile {
         }
     }
 
-    /// True where a sample so far from the centre of pixel `i` becomes its point sample.
-    fn is_nearest(&self, i: usize, distance2: f32) -> bool {
+    /// True where a sample so far from the centre of pixel `i` becomes its point sample, for now; never where none is kept.
+    pub fn is_nearest(&self, i: usize, distance2: f32) -> bool {
         let point = self.point.get(i);
         point.is_some_and(|point| distance2 < point.distance2)
     }

@@ -9,7 +9,7 @@ use crate::camera::Camera;
 use crate::camera::opening::Times;
 use crate::film::filter::Filter;
 use crate::film::tile::Tile;
-use crate::sample::PixelSampler;
+use crate::sample::{Coordinates, Patterns, PixelSampler, SIDE_BY_SIDE};
 use crate::trace::Ray;
 
 /// Side of the pixel block whose rays are traced together, where each instant has few of them.
@@ -157,25 +157,31 @@ impl<'a> Generator<'a> {
         [x0, y0, x1, y1]: [u32; 4],
         jobs: &mut Vec<(usize, Job)>,
     ) {
-        let pixels: Vec<_> = (y0..y1)
-            .flat_map(|y| (x0..x1).map(move |x| (x, y)))
-            .map(|(x, y)| {
-                let pixel = [tile.x + x as i32, tile.y + y as i32];
-                // Pixels left of the image and above it have numbers of their own too.
-                let number = pixel.map(i32::cast_unsigned);
-                let pattern = self.sampler.pixel_of::<LENS, TIME>(number);
-                ((y * tile.width + x) as usize, pixel, pattern)
-            })
-            .collect();
+        let places = (y0..y1).flat_map(|y| (x0..x1).map(move |x| (x, y)));
+        let (mut slots, mut pixels, mut numbers) = (Vec::new(), Vec::new(), Vec::new());
+        for (x, y) in places {
+            let pixel = [tile.x + x as i32, tile.y + y as i32];
+            slots.push((y * tile.width + x) as usize);
+            pixels.push(pixel);
+            // Pixels left of the image and above it have numbers of their own too.
+            numbers.push(pixel.map(i32::cast_unsigned));
+        }
+        debug_assert!(numbers.len() <= SIDE_BY_SIDE);
+        let patterns = Patterns::<LENS, TIME>::new(&self.sampler, &numbers);
+        let mut drawn: Coordinates = [[0.0; SIDE_BY_SIDE]; 5];
+        jobs.reserve(slots.len() * tile.samples.len());
         for index in tile.samples.clone() {
-            for (slot, pixel, pattern) in &pixels {
-                let drawn = pattern.sample_of::<LENS, TIME>(index);
-                jobs.push((*slot, self.generate::<LENS, TIME>(*pixel, drawn)));
-            }
+            patterns.sample(index, &mut drawn);
+            let pixels = slots.iter().zip(&pixels).enumerate();
+            jobs.extend(pixels.map(|(i, (slot, pixel))| {
+                let drawn = drawn.each_ref().map(|x| x[i]);
+                (*slot, self.generate::<LENS, TIME>(*pixel, drawn))
+            }));
         }
     }
 
     /// The ray of a sample whose pixel, lens and time were drawn jointly.
+    #[inline]
     fn generate<const LENS: bool, const TIME: bool>(
         &self,
         pixel: [i32; 2],

@@ -27,6 +27,8 @@ pub(super) struct Integrator<'a> {
     prepared: &'a Prepared,
     generator: Generator<'a>,
     keeps: Keeps,
+    /// Those that are asked for.
+    values: MeanValues,
     irradiance: f32,
     /// Rays of one pixel go different ways, and what they meet is far from caches.
     by_surface: bool,
@@ -38,6 +40,7 @@ impl<'a> Integrator<'a> {
             prepared,
             generator: Generator::new(prepared),
             keeps,
+            values: prepared.mean_values(),
             irradiance: prepared.irradiance(),
             by_surface: (prepared.plan.has_time() || prepared.plan.has_lens())
                 && prepared.world.is_far(),
@@ -99,7 +102,7 @@ impl<'a> Integrator<'a> {
 
     /// See [`Prepared::mean_values`].
     pub fn mean_values(&self) -> MeanValues {
-        self.prepared.mean_values()
+        self.values
     }
 
     /// Draws the rays that [`Self::fill`] traces, in its order.
@@ -236,9 +239,13 @@ impl<'a> Integrator<'a> {
     ) -> (Sample, PrimvarSample) {
         let counts = &mut TraceCounts::default();
         let mut primvars = PrimvarSample::new(self.keeps);
+        let asked = Asked {
+            means: self.keeps.first_of_all(),
+            point: false,
+        };
         let sample = match self.prepared.plan.has_culling() {
-            false => self.shade::<true, false>(job, first, counts, &mut primvars, met),
-            true => self.shade::<true, true>(job, first, counts, &mut primvars, met),
+            false => self.shade::<true, false>(job, first, asked, counts, &mut primvars, met),
+            true => self.shade::<true, true>(job, first, asked, counts, &mut primvars, met),
         };
         (sample, primvars)
     }
@@ -255,7 +262,11 @@ impl<'a> Integrator<'a> {
     ) {
         let wants_primvars = self.keeps.primvars().is_some();
         for ((slot, job), (hit, mut own)) in jobs.iter().zip(found) {
-            let sample = self.shade::<MATTE, CULL>(job, &hit, &mut own, primvars, |_, _| {});
+            let asked = Asked {
+                means: self.keeps.first_of_all(),
+                point: tile.is_nearest(*slot, job.distance2),
+            };
+            let sample = self.shade::<MATTE, CULL>(job, &hit, asked, &mut own, primvars, |_, _| {});
             let is_point = tile.add(*slot, &sample);
             if wants_primvars {
                 let hit = sample.first.is_some().then_some(&*primvars);
@@ -349,12 +360,13 @@ impl<'a> Integrator<'a> {
     }
 
     /// Composites what the ray meets, front to back. A matte object takes its share of the ray away
-    /// and gives nothing for it: neither colour nor alpha, nor the values of a first hit.
-    /// `primvars` becomes those of the first hit. `met` hears of each hit that is taken in, and whether it is what is seen first.
+    /// and gives nothing for it: neither colour nor alpha, nor the values of a first hit. Of the first hit, what is `asked` for is
+    /// looked up, and `primvars` becomes its. `met` hears of each hit that is taken in, and whether it is what is seen first.
     fn shade<const MATTE: bool, const CULL: bool>(
         &self,
         job: &Job,
         first: &Hit,
+        asked: Asked,
         counts: &mut TraceCounts,
         primvars: &mut PrimvarSample,
         mut met: impl FnMut(&Hit, bool),
@@ -364,13 +376,13 @@ impl<'a> Integrator<'a> {
         let mut held_out = 0.0f32;
         let mut found = None;
         let mut unseen = true;
-        let wants_first = self.keeps.first();
+        let wants_first = asked.means || asked.point;
         let mut hit = *first;
         for _ in 0..MAX_LAYERS {
             if !hit.is_hit() {
                 break;
             }
-            let first = (wants_first && unseen).then_some(&mut *primvars);
+            let first = (wants_first && unseen).then_some((asked, &mut *primvars));
             let (layer, opacity) = self.surface(&job.ray, &hit, first);
             let matte = MATTE && self.prepared.hit_prim(&hit).1.matte;
             let is_first = opacity > 0.0 && unseen;
@@ -408,8 +420,13 @@ impl<'a> Integrator<'a> {
         }
     }
 
-    /// Shades one hit: radiance, opacity, and the AOV values when it may be the first.
-    fn surface(&self, ray: &Ray, hit: &Hit, first: Option<&mut PrimvarSample>) -> (Layer, f32) {
+    /// Shades one hit: radiance, opacity, and the AOV values that are asked for when it may be the first.
+    fn surface(
+        &self,
+        ray: &Ray,
+        hit: &Hit,
+        first: Option<(Asked, &mut PrimvarSample)>,
+    ) -> (Layer, f32) {
         let prepared = self.prepared;
         let world = &prepared.world;
         let (entry, prim) = prepared.hit_prim(hit);
@@ -421,18 +438,13 @@ impl<'a> Integrator<'a> {
             source.read(element, ray.time, &channels, &mut value);
             value[0].clamp(0.0, 1.0)
         });
-        let normal = world.shading_normal(hit, ray.time).unwrap_or(Vec3::ZERO);
-        let normal = if entry.facets.is_inverted(ray.time) {
-            -normal
-        } else {
-            normal
+        // Both sides are lit alike, so only who asks for normals hears of which is seen.
+        let wants_normal = self.values.normal || self.values.n_eye;
+        let sided = prim.double_sided && first.is_some() && wants_normal;
+        let (normal, n_eye) = match self.keeps.color() || wants_normal {
+            true => self.normals(ray, hit, entry.facets.is_inverted(ray.time), sided),
+            false => (Vec3::ZERO, Vec3::ZERO),
         };
-        let normal = if prim.double_sided && first.is_some() {
-            self.on_the_side_seen(normal, ray, hit)
-        } else {
-            normal
-        };
-        let n_eye = prepared.camera.normal_to_camera(normal, ray.time);
         let radiance = if self.keeps.color() {
             let mut albedo = [0.0; 3];
             let color = &shading.color;
@@ -441,17 +453,19 @@ impl<'a> Integrator<'a> {
         } else {
             Vec3::ZERO
         };
-        let first = if let Some(primvars) = first {
+        let first = if let Some((asked, primvars)) = first {
             prepared.read_primvars(prim, element, ray.time, &channels, primvars);
             FirstHit {
                 normal: normal.to_array(),
                 n_eye: n_eye.to_array(),
-                motion: if self.keeps.means() {
-                    self.motion(hit)
-                } else {
-                    [0.0; 2]
+                motion: match self.values.motion {
+                    true => self.motion(hit),
+                    false => [0.0; 2],
                 },
-                ..self.point_hit(hit, ray.time)
+                ..match asked.point {
+                    true => self.point_hit(hit, ray.time),
+                    false => FirstHit::default(),
+                }
             }
         } else {
             FirstHit::default()
@@ -491,6 +505,20 @@ impl<'a> Integrator<'a> {
         }
     }
 
+    /// Shading normals in the world and in camera space, of an `inverted` facet or another, on the side that is seen or, where
+    /// it is not `sided`, on that of the surface.
+    fn normals(&self, ray: &Ray, hit: &Hit, inverted: bool, sided: bool) -> (Vec3, Vec3) {
+        let prepared = self.prepared;
+        let normal = prepared.world.shading_normal(hit, ray.time);
+        let normal = normal.unwrap_or(Vec3::ZERO);
+        let normal = if inverted { -normal } else { normal };
+        let normal = match sided {
+            true => self.on_the_side_seen(normal, ray, hit),
+            false => normal,
+        };
+        (normal, prepared.camera.normal_to_camera(normal, ray.time))
+    }
+
     /// A normal, or its opposite where that is on the side of the facet that the ray sees.
     fn on_the_side_seen(&self, normal: Vec3, ray: &Ray, hit: &Hit) -> Vec3 {
         let facet = self.prepared.world.geometric_normal(hit, ray.time);
@@ -504,9 +532,6 @@ impl<'a> Integrator<'a> {
 
     /// Raster movement of the point that was hit, from shutter open to close.
     fn motion(&self, hit: &Hit) -> [f32; 2] {
-        if !self.prepared.plan.has_time() {
-            return [0.0; 2];
-        }
         let at = |time: f32| {
             let p = self.prepared.world.position(hit, time)?;
             self.prepared.camera.project(p, time)
@@ -516,6 +541,15 @@ impl<'a> Integrator<'a> {
             _ => [0.0; 2],
         }
     }
+}
+
+/// What is asked for of the first hit of a sample.
+#[derive(Clone, Copy, Debug)]
+struct Asked {
+    /// What is averaged over the samples of a pixel.
+    means: bool,
+    /// What one sample of each pixel gives, since this is the one.
+    point: bool,
 }
 
 /// What sources ask about a hit.

@@ -21,11 +21,14 @@
 
 mod matrices;
 mod scramble;
+mod side_by_side;
 #[cfg(test)]
 mod tests;
 
+use hdtrapeze_simd::Level;
 use matrices::{Columns, DIMS, MAX_NET_DIGITS};
 use scramble::{DigitFactors, STEP, mix64, scramble_reversed, unit};
+pub use side_by_side::{Coordinates, Patterns, SIDE_BY_SIDE};
 
 /// A point set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -58,6 +61,8 @@ pub struct PixelSampler {
     /// Bits of an index inside one point set: 2m for a net, 32 for Sobol.
     index_bits: u32,
     seed: u64,
+    /// Instructions that draw samples of pixels side by side.
+    level: Level,
     /// `nibbles[k][n]` is the XOR of the columns of the set bits of `n << 4k`.
     nibbles: Vec<[[u32; DIMS]; 16]>,
     /// `steps[k]` leads from index i to i + 1 where i ends in exactly k ones: the XOR of columns 0 to k.
@@ -116,10 +121,17 @@ impl PixelSampler {
             kind,
             samples_per_pixel,
             index_bits,
+            level: Level::best(),
             seed: mix64(u64::from(seed).wrapping_mul(STEP).wrapping_add(STEP)),
             nibbles,
             steps,
         }
+    }
+
+    /// The same samples, drawn with other instructions than the best that there are.
+    #[must_use]
+    pub fn with_level(self, level: Level) -> Self {
+        Self { level, ..self }
     }
 
     /// The point set in use.
@@ -171,8 +183,7 @@ impl PixelSampler {
         &self,
         pixel: [u32; 2],
     ) -> PixelPattern<'_> {
-        let place = u64::from(pixel[1]) << 32 | u64::from(pixel[0]);
-        let seed = mix64(self.seed ^ mix64(place.wrapping_add(STEP)));
+        let seed = self.pixel_seed(pixel);
         PixelPattern {
             sampler: self,
             seed,
@@ -183,6 +194,22 @@ impl PixelSampler {
     /// Sample `index` of `pixel`: `[x, y, u, v, time]`, see [`PixelPattern::sample`].
     pub fn sample(&self, pixel: [u32; 2], index: u32) -> [f32; DIMS] {
         self.pixel(pixel).sample(index)
+    }
+
+    /// What all scrambles of a pixel are made of; those of its first point set, from the next number on.
+    #[inline(always)]
+    fn pixel_seed(&self, pixel: [u32; 2]) -> u64 {
+        let place = u64::from(pixel[1]) << 32 | u64::from(pixel[0]);
+        mix64(self.seed ^ mix64(place.wrapping_add(STEP)))
+    }
+
+    /// Number of the point set of a sample, and its index inside it.
+    #[inline]
+    fn split(&self, index: u32) -> (u32, u32) {
+        match self.index_bits {
+            32 => (0, index),
+            bits => (index >> bits, index & ((1 << bits) - 1)),
+        }
     }
 
     /// Scrambles of the `epoch`th point set of a pixel.
@@ -200,7 +227,7 @@ impl PixelSampler {
             let random = mix64(state);
             let factors = match self.kind {
                 PatternKind::Sobol => DigitFactors::default(),
-                PatternKind::Net => DigitFactors::draw(mix64(random ^ STEP), self.digits()),
+                PatternKind::Net => DigitFactors::draw([mix64(random ^ STEP)], self.digits()),
             };
             Scramble {
                 seed: random as u32,
@@ -231,7 +258,7 @@ const fn is_drawn<const LENS: bool, const TIME: bool>(dimension: usize) -> bool 
 struct Scramble {
     seed: u32,
     /// Net only.
-    factors: DigitFactors,
+    factors: DigitFactors<1>,
 }
 
 /// The samples of one pixel.
@@ -256,7 +283,7 @@ impl PixelPattern<'_> {
     /// drawn has the same bits.
     #[inline]
     pub fn sample_of<const LENS: bool, const TIME: bool>(&self, index: u32) -> [f32; DIMS] {
-        let (epoch, index) = self.split(index);
+        let (epoch, index) = self.sampler.split(index);
         let word = self.sampler.word(index);
         if epoch == 0 {
             self.finish::<LENS, TIME>(&word, &self.scrambles)
@@ -269,7 +296,7 @@ impl PixelPattern<'_> {
     /// Fills `out` with the samples `first`, `first + 1`, ... (indices wrap after `u32::MAX`): the same
     /// bits as [`Self::sample`], faster.
     pub fn fill(&self, first: u32, out: &mut [[f32; DIMS]]) {
-        let (mut epoch, mut index) = self.split(first);
+        let (mut epoch, mut index) = self.sampler.split(first);
         let mut word = self.sampler.word(index);
         let mut scrambles = if epoch == 0 {
             self.scrambles
@@ -290,17 +317,6 @@ impl PixelPattern<'_> {
         }
     }
 
-    /// Number of the point set, and index inside it.
-    #[inline]
-    fn split(&self, index: u32) -> (u32, u32) {
-        let bits = self.sampler.index_bits;
-        if bits == 32 {
-            (0, index)
-        } else {
-            (index >> bits, index & ((1 << bits) - 1))
-        }
-    }
-
     #[inline]
     fn finish<const LENS: bool, const TIME: bool>(
         &self,
@@ -313,7 +329,7 @@ impl PixelPattern<'_> {
                 return 0.0;
             }
             let digits = match is_net {
-                true => scrambles[d].factors.apply(word[d]),
+                true => scrambles[d].factors.apply(word[d])[0],
                 false => word[d],
             };
             unit(scramble_reversed(digits, scrambles[d].seed))

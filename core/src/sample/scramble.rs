@@ -8,7 +8,7 @@
 //! those that N. Vegdahl published in 2021.
 
 /// Mixes 64 bits so that each output bit depends on each input bit (the finalizer of SplitMix64).
-#[inline]
+#[inline(always)]
 pub(super) fn mix64(mut x: u64) -> u64 {
     x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
@@ -20,7 +20,7 @@ pub(super) const STEP: u64 = 0x9e37_79b9_7f4a_7c15;
 
 /// Scrambles a coordinate given with its bits reversed (bit 0 is the half), and puts the bits in
 /// their usual order (bit 31 is the half).
-#[inline]
+#[inline(always)]
 pub(super) fn scramble_reversed(mut x: u32, seed: u32) -> u32 {
     x ^= x.wrapping_mul(0x3d20_adea);
     x = x.wrapping_add(seed);
@@ -31,7 +31,7 @@ pub(super) fn scramble_reversed(mut x: u32, seed: u32) -> u32 {
 }
 
 /// The upper 24 bits as a number in [0, 1 - 2^-24]: exact, so never rounded up to 1.
-#[inline]
+#[inline(always)]
 pub(super) fn unit(x: u32) -> f32 {
     (x >> 8) as f32 * (1.0 / 16_777_216.0)
 }
@@ -41,54 +41,66 @@ pub(super) fn unit(x: u32) -> f32 {
 /// Digits are elements `hi w + lo` with `w^2 = w + 1`. Followed by a binary nested scramble this gives
 /// any two points the same joint distribution as Owen's scramble in base 4 (a digit's difference
 /// becomes uniform over the three non-zero ones), hence the same variance of every estimate.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct DigitFactors {
+/// Of `N` words, side by side.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct DigitFactors<const N: usize> {
     /// Low bit of each digit that `w` or 1 + `w` multiplies (both mix the halves).
-    mixes: u32,
+    mixes: [u32; N],
     /// Low bit of each digit whose high half keeps the old high half (factors 1 and `w`).
-    high_keeps: u32,
+    high_keeps: [u32; N],
     /// Low bit of each digit whose low half keeps the old low half (factors 1 and 1 + `w`).
-    low_keeps: u32,
+    low_keeps: [u32; N],
 }
 
 /// The low bit of every digit of a bit-reversed word: digit r has its high half in bit 2r and its
 /// low half in bit 2r + 1, and the masks sit at bit 2r.
 const DIGITS: u32 = 0x5555_5555;
 
-impl DigitFactors {
-    /// Draws `digits` factors, uniformly and independently, from 64 random bits.
-    pub(super) fn draw(mut random: u64, digits: u32) -> Self {
-        let mut out = Self {
-            mixes: 0,
-            high_keeps: DIGITS,
-            low_keeps: DIGITS,
-        };
+impl<const N: usize> Default for DigitFactors<N> {
+    /// Nothing is multiplied.
+    #[inline(always)]
+    fn default() -> Self {
+        Self {
+            mixes: [0; N],
+            high_keeps: [DIGITS; N],
+            low_keeps: [DIGITS; N],
+        }
+    }
+}
+
+impl<const N: usize> DigitFactors<N> {
+    /// Draws `digits` factors for each word, uniformly and independently, from 64 random bits each. Nothing branches on them.
+    #[inline(always)]
+    pub(super) fn draw(mut random: [u64; N], digits: u32) -> Self {
+        let mut out = Self::default();
         for r in 0..digits.min(16) {
-            let product = u128::from(random) * 3;
-            random = product as u64;
-            let bit = 1 << (2 * r);
-            match (product >> 64) as u32 {
-                0 => {}
-                1 => {
-                    out.mixes |= bit;
-                    out.low_keeps &= !bit;
-                }
-                _ => {
-                    out.mixes |= bit;
-                    out.high_keeps &= !bit;
-                }
+            for i in 0..N {
+                // Three times the random number: the factor is what is above 64 bits, and the rest is the next number.
+                let twice = random[i] << 1;
+                let product = twice.wrapping_add(random[i]);
+                let factor = (random[i] >> 63) as u32 + u32::from(product < twice);
+                random[i] = product;
+                // 1, `w` and 1 + `w`, of which the last keeps the low half.
+                let (low, high) = (factor & 1, factor >> 1);
+                out.mixes[i] |= (low | high) << (2 * r);
+                out.low_keeps[i] &= !(low << (2 * r));
+                out.high_keeps[i] &= !(high << (2 * r));
             }
         }
         out
     }
 
-    /// Applies the factors to a bit-reversed word.
-    #[inline]
-    pub(super) fn apply(&self, x: u32) -> u32 {
+    /// Applies each word's factors to a bit-reversed word.
+    #[inline(always)]
+    pub(super) fn apply(&self, x: u32) -> [u32; N] {
         let high = x & DIGITS;
         let low = (x >> 1) & DIGITS;
-        let new_high = (high & self.high_keeps) ^ (low & self.mixes);
-        let new_low = (low & self.low_keeps) ^ (high & self.mixes);
-        new_high | (new_low << 1)
+        let mut out = [0; N];
+        for (i, out) in out.iter_mut().enumerate() {
+            let new_high = (high & self.high_keeps[i]) ^ (low & self.mixes[i]);
+            let new_low = (low & self.low_keeps[i]) ^ (high & self.mixes[i]);
+            *out = new_high | (new_low << 1);
+        }
+        out
     }
 }

@@ -182,6 +182,38 @@ fn neighbouring_pixels_and_seeds_are_independent() {
     }
 }
 
+/// With each instruction set, for blocks of any size and samples past the count, what is drawn side by side is what is drawn alone.
+#[test]
+fn samples_side_by_side_are_those_of_pixels_alone() {
+    fn check<const LENS: bool, const TIME: bool>(sampler: &PixelSampler) {
+        for count in [1, 5, 16, 17, 49, SIDE_BY_SIDE] {
+            // On both sides of an image's left edge.
+            let pixel = |i: u32| [(i % 8).wrapping_sub(3), 1000 + i / 8];
+            let pixels: Vec<[u32; 2]> = (0..count as u32).map(pixel).collect();
+            let patterns = Patterns::<LENS, TIME>::new(sampler, &pixels);
+            let mut drawn: Coordinates = [[0.0; SIDE_BY_SIDE]; DIMS];
+            for index in [0, 1, 2, 7, 63, 64, 130, u32::MAX] {
+                patterns.sample(index, &mut drawn);
+                for (i, &pixel) in pixels.iter().enumerate() {
+                    let alone = sampler.pixel(pixel).sample(index);
+                    for d in (0..DIMS).filter(|&d| is_drawn::<LENS, TIME>(d)) {
+                        assert_eq!(drawn[d][i], alone[d], "{sampler:?} {pixel:?} {index} {d}");
+                    }
+                }
+            }
+        }
+    }
+    for count in [1, 4, 64, 100, 4096] {
+        for level in Level::available() {
+            let sampler = PixelSampler::new(count, 9).with_level(level);
+            check::<true, true>(&sampler);
+            check::<false, true>(&sampler);
+            check::<true, false>(&sampler);
+            check::<false, false>(&sampler);
+        }
+    }
+}
+
 #[test]
 fn bits_do_not_depend_on_order_or_route() {
     for sampler in [PixelSampler::new(64, 9), PixelSampler::new(100, 9)] {

@@ -111,19 +111,8 @@ impl World {
         };
         let next = (k + 1).min(mesh.normal_key_count - 1);
         let (a, b) = (mesh.grid_normals(grid, k), mesh.grid_normals(grid, next));
-        let w = corner_weights(hit.u, hit.v);
-        let n = (0..4).fold(Vec3::ZERO, |sum, i| {
-            if w[i] == 0.0 {
-                return sum;
-            }
-            let at = octahedral::decode(a[corners[i]]);
-            let n = if f == 0.0 {
-                at
-            } else {
-                at.lerp(octahedral::decode(b[corners[i]]), f)
-            };
-            sum + n * w[i]
-        });
+        let codes = [a, b].map(|codes| corners.map(|i| codes[i]));
+        let n = octahedral::blended(self.level, codes, f, corner_weights(hit.u, hit.v));
         let n = set.set.normal_to_world(i, time, n.as_dvec3());
         let n = n.normalize_or_zero();
         if n == DVec3::ZERO {
@@ -202,12 +191,13 @@ impl World {
 /// Vertices of the hit cell inside its grid, in corner order.
 fn cell_corners(mesh: &PlanarMesh, hit: &Hit) -> Option<[usize; 4]> {
     let grid = mesh.grids.get(hit.grid as usize)?;
-    let cell = hit.cell as usize;
-    if cell >= grid.cell_count() {
+    if hit.cell as usize >= grid.cell_count() {
         return None;
     }
-    let nu = usize::from(grid.nu);
-    let a = (cell / nu) * (nu + 1) + cell % nu;
+    let nu = u32::from(grid.nu);
+    // A cell of each row before has one vertex more.
+    let a = (hit.cell + hit.cell / nu) as usize;
+    let nu = nu as usize;
     Some([a, a + 1, a + nu + 2, a + nu + 1])
 }
 

@@ -66,6 +66,10 @@ impl Float<16> for Pair {
         Pair(self.0.over(by.0), self.1.over(by.1))
     }
     #[inline(always)]
+    fn sqrt(self) -> Self {
+        Pair(self.0.sqrt(), self.1.sqrt())
+    }
+    #[inline(always)]
     fn abs(self) -> Self {
         Pair(self.0.abs(), self.1.abs())
     }

@@ -64,6 +64,10 @@ impl Float<16> for F512 {
         x86!(F512(_mm512_div_ps(self.0, by.0)))
     }
     #[inline(always)]
+    fn sqrt(self) -> Self {
+        x86!(F512(_mm512_sqrt_ps(self.0)))
+    }
+    #[inline(always)]
     fn abs(self) -> Self {
         x86!(F512(_mm512_abs_ps(self.0)))
     }

@@ -53,6 +53,10 @@ impl Float<8> for F256 {
         x86!(F256(_mm256_div_ps(self.0, by.0)))
     }
     #[inline(always)]
+    fn sqrt(self) -> Self {
+        x86!(F256(_mm256_sqrt_ps(self.0)))
+    }
+    #[inline(always)]
     fn abs(self) -> Self {
         x86!(F256(_mm256_andnot_ps(_mm256_set1_ps(-0.0), self.0)))
     }
