@@ -227,11 +227,6 @@ impl Keeps {
         self.cost
     }
 
-    /// True when normals or motion vectors are asked for.
-    pub fn means(self) -> bool {
-        self.means
-    }
-
     /// Sums of primvar floats a pixel: one each, and the number of hits.
     fn float_stride(self) -> usize {
         match self.primvars.floats {

@@ -61,31 +61,27 @@ impl Kernel for Blend {
         } = self;
         let (mut x, mut y) = ([0.0; 8], [0.0; 8]);
         for (i, code) in from.into_iter().chain(to).enumerate() {
-            let d = |q: u32| (q as i32 - 32767) as f32;
-            (x[i], y[i]) = (d(code & 0xffff), d(code >> 16));
+            x[i] = ((code & 0xffff) as i32 - 32767) as f32;
+            y[i] = ((code >> 16) as i32 - 32767) as f32;
         }
         let (zero, one, scale) = (simd.all8(0.0), simd.all8(1.0), simd.all8(32767.0));
         let (x, y) = (simd.from8(&x).over(scale), simd.from8(&y).over(scale));
         let z = one - x.abs() - y.abs();
         let fold = (-z).max(zero);
         // Neither is -0.
-        let folded = |x: S::F8| (x + fold).or(x.lt(zero), x - fold);
-        let (x, y) = (folded(x), folded(y));
+        let x = (x + fold).or(x.lt(zero), x - fold);
+        let y = (y + fold).or(y.lt(zero), y - fold);
         let scale = one.over((x * x + y * y + z * z).sqrt());
         let part = simd.all8(f).or(simd.mask8(0xf0), simd.all8(1.0 - f));
         let [a, b, c, d] = weights;
         let weights = simd.from8(&[a, b, c, d, 0.0, 0.0, 0.0, 0.0]);
-        let blended = [x, y, z].map(
-            #[inline(always)]
-            |x| {
-                let parts = x * scale * part;
-                ((parts + simd.halves_swapped(parts)) * weights).to_array()
-            },
-        );
-        let sum = blended.map(
-            #[inline(always)]
-            |[a, b, c, d, ..]| 0.0 + a + b + c + d,
-        );
+        let mut sum = [0.0; 3];
+        for (sum, x) in sum.iter_mut().zip([x, y, z]) {
+            let parts = x * scale * part;
+            let blended = (parts + simd.halves_swapped(parts)) * weights;
+            let [a, b, c, d, ..] = blended.to_array();
+            *sum = 0.0 + a + b + c + d;
+        }
         Vec3::from_array(sum)
     }
 }

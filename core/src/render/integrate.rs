@@ -22,6 +22,8 @@ use crate::trace::{Hit, Ray, TraceCounts};
 pub const MAX_LAYERS: usize = 64;
 /// Transmittance below which what lies behind cannot be seen: less than half a step of 10 bits.
 pub const LEAST_TRANSMITTANCE: f32 = 1.0 / 2048.0;
+/// Samples that are shaded before those whose values are asked for from memory meanwhile.
+const AHEAD: usize = 16;
 /// What all tiles of a render share.
 pub(super) struct Integrator<'a> {
     prepared: &'a Prepared,
@@ -91,8 +93,9 @@ impl<'a> Integrator<'a> {
             if CULL || !self.by_surface || pixels.peek().is_none() {
                 let told = &mut tile.expected;
                 self.trace::<CULL>(&jobs, &blocks, &mut found, told, counts);
+                let first = |i: usize| found[i].0;
                 let found = found.iter().copied();
-                self.film::<MATTE, CULL>(tile, &jobs, found, &mut primvars, counts);
+                self.film::<MATTE, CULL>(tile, &jobs, first, found, &mut primvars, counts);
                 jobs.clear();
                 blocks.clear();
             }
@@ -132,13 +135,14 @@ impl<'a> Integrator<'a> {
                 false => (*hit, own),
             }
         });
-        let mut primvars = PrimvarSample::new(self.keeps);
+        let first = |i: usize| hits[i];
+        let primvars = &mut PrimvarSample::new(self.keeps);
         let plan = &self.prepared.plan;
         match (plan.has_matte(), plan.has_culling()) {
-            (false, false) => self.film::<false, false>(tile, jobs, found, &mut primvars, counts),
-            (true, false) => self.film::<true, false>(tile, jobs, found, &mut primvars, counts),
-            (false, true) => self.film::<false, true>(tile, jobs, found, &mut primvars, counts),
-            (true, true) => self.film::<true, true>(tile, jobs, found, &mut primvars, counts),
+            (false, false) => self.film::<false, false>(tile, jobs, first, found, primvars, counts),
+            (true, false) => self.film::<true, false>(tile, jobs, first, found, primvars, counts),
+            (false, true) => self.film::<false, true>(tile, jobs, first, found, primvars, counts),
+            (true, true) => self.film::<true, true>(tile, jobs, first, found, primvars, counts),
         }
         tile.samples = target;
     }
@@ -251,17 +255,21 @@ impl<'a> Integrator<'a> {
     }
 
     /// Shades and films what was traced, in the order of samples: sums have the same bits whatever was traced
-    /// together.
+    /// together. `first` gives the first hit of a job that comes later.
     fn film<const MATTE: bool, const CULL: bool>(
         &self,
         tile: &mut Tile,
         jobs: &[(usize, Job)],
+        first: impl Fn(usize) -> Hit,
         found: impl Iterator<Item = (Hit, TraceCounts)>,
         primvars: &mut PrimvarSample,
         counts: &mut TraceCounts,
     ) {
         let wants_primvars = self.keeps.primvars().is_some();
-        for ((slot, job), (hit, mut own)) in jobs.iter().zip(found) {
+        for (i, ((slot, job), (hit, mut own))) in jobs.iter().zip(found).enumerate() {
+            if i % AHEAD == 0 {
+                self.expect(jobs, &first, i + AHEAD);
+            }
             let asked = Asked {
                 means: self.keeps.first_of_all(),
                 point: tile.is_nearest(*slot, job.distance2),
@@ -274,6 +282,21 @@ impl<'a> Integrator<'a> {
             }
             *counts = *counts + own;
         }
+    }
+
+    /// Asks for what shading takes from memory of up to [`AHEAD`] jobs, from number `from` on.
+    fn expect(&self, jobs: &[(usize, Job)], first: impl Fn(usize) -> Hit, from: usize) {
+        if !self.wants_normals() {
+            return;
+        }
+        let to = jobs.len().min(from + AHEAD);
+        let hits = (from..to).map(|i| (first(i), jobs[i].1.ray.time));
+        self.prepared.world.expect_normals(hits);
+    }
+
+    /// True where colors or other means are asked for that normals are needed for.
+    fn wants_normals(&self) -> bool {
+        self.keeps.color() || self.values.normal || self.values.n_eye
     }
 
     /// Traces the jobs of pixel blocks; `found` gets what each
@@ -439,9 +462,9 @@ impl<'a> Integrator<'a> {
             value[0].clamp(0.0, 1.0)
         });
         // Both sides are lit alike, so only who asks for normals hears of which is seen.
-        let wants_normal = self.values.normal || self.values.n_eye;
-        let sided = prim.double_sided && first.is_some() && wants_normal;
-        let (normal, n_eye) = match self.keeps.color() || wants_normal {
+        let asked_for = self.values.normal || self.values.n_eye;
+        let sided = prim.double_sided && first.is_some() && asked_for;
+        let (normal, n_eye) = match self.wants_normals() {
             true => self.normals(ray, hit, entry.facets.is_inverted(ray.time), sided),
             false => (Vec3::ZERO, Vec3::ZERO),
         };

@@ -74,12 +74,12 @@ impl<const N: usize> DigitFactors<N> {
     pub(super) fn draw(mut random: [u64; N], digits: u32) -> Self {
         let mut out = Self::default();
         for r in 0..digits.min(16) {
-            for i in 0..N {
+            for (i, random) in random.iter_mut().enumerate() {
                 // Three times the random number: the factor is what is above 64 bits, and the rest is the next number.
-                let twice = random[i] << 1;
-                let product = twice.wrapping_add(random[i]);
-                let factor = (random[i] >> 63) as u32 + u32::from(product < twice);
-                random[i] = product;
+                let twice = *random << 1;
+                let product = twice.wrapping_add(*random);
+                let factor = (*random >> 63) as u32 + u32::from(product < twice);
+                *random = product;
                 // 1, `w` and 1 + `w`, of which the last keeps the low half.
                 let (low, high) = (factor & 1, factor >> 1);
                 out.mixes[i] |= (low | high) << (2 * r);

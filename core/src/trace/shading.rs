@@ -4,6 +4,7 @@
 //! answered; for a miss they answer `None`.
 
 use glam::{DVec3, Vec3};
+use hdtrapeze_simd::{Kernel, Simd};
 
 use super::world::{Numbered, World, clamp_time};
 use super::{Hit, Ray};
@@ -122,6 +123,12 @@ impl World {
         }
     }
 
+    /// Says that [`World::shading_normal`] will be asked for these hits soon, each at its time, so that what it needs comes from memory
+    /// meanwhile.
+    pub fn expect_normals(&self, hits: impl Iterator<Item = (Hit, f32)>) {
+        self.level.run(ExpectNormals { world: self, hits });
+    }
+
     /// Writes channel `channel` at the hit to `out`, up to the channel's width or `out`'s length, and
     /// returns the number of floats written.
     pub fn channel(&self, hit: &Hit, channel: usize, out: &mut [f32]) -> Option<usize> {
@@ -185,6 +192,39 @@ impl World {
     /// The ray's point at the hit, on the ray. [`World::position`] is nearer to the surface.
     pub fn ray_point(&self, ray: &Ray, hit: &Hit) -> Vec3 {
         ray.origin + ray.dir * hit.t
+    }
+}
+
+struct ExpectNormals<'w, I> {
+    world: &'w World,
+    hits: I,
+}
+
+impl<I: Iterator<Item = (Hit, f32)>> Kernel for ExpectNormals<'_, I> {
+    type Output = ();
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        for (hit, time) in self.hits {
+            let Some(mesh) = self.world.object(&hit).map(ObjectGeometry::mesh) else {
+                continue;
+            };
+            let keys = mesh.normal_key_count;
+            let (Some(grid), Some(corners)) =
+                (mesh.grids.get(hit.grid as usize), cell_corners(mesh, &hit))
+            else {
+                continue;
+            };
+            let n = grid.vertex_count();
+            let first = grid.first_vertex as usize * keys;
+            let k = match keys > 2 && keys == mesh.key_count() {
+                true => locate_key(&mesh.key_times, clamp_time(time)).0,
+                false => 0,
+            };
+            for key in k..keys.min(k + 2) {
+                simd.expect(&mesh.normals, first + key * n + corners[0]);
+                simd.expect(&mesh.normals, first + key * n + corners[2]);
+            }
+        }
     }
 }
 
