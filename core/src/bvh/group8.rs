@@ -165,18 +165,11 @@ pub(super) fn over_shutter<S: Simd>(
         return Boxes8 { start, end: start };
     }
     let end = keyed.ranges(simd, last);
-    let found = Boxes8 { start, end };
-    if last < 2 {
-        return found;
-    }
-    let mut raised = found.to_boxes();
+    let mut found = Boxes8 { start, end };
     for (k, &time) in key_times.iter().enumerate().take(last).skip(1) {
-        let (lo, hi) = keyed.ranges(simd, k).to_vectors();
-        for (slot, b) in raised.iter_mut().enumerate() {
-            b.raise(time, lo[slot], hi[slot]);
-        }
+        found.raise(simd, time, &keyed.ranges(simd, k));
     }
-    Boxes8::of(simd, &raised)
+    found
 }
 
 /// Bounds over the shutter in a frame that may turn.
@@ -249,7 +242,7 @@ impl<S: Simd> Part<S> for Through<'_> {
         let (zero, quarter) = (simd.all8(0.0), simd.all8(0.25));
         let pad = simd.all8(BOWED_PAD);
         let size = turn.bow.abs().to_array().map(|bow| simd.all8(bow));
-        let mut raised = Boxes8 { start, end }.to_boxes();
+        let mut raised = Boxes8 { start, end };
         for (k, &time) in times.iter().enumerate().take(last).skip(1) {
             let mut inner = ranges(simd, vertices, groups, Of::Inner(k), Some(&turn.at(time)));
             let part = f64::from(time) * (1.0 - f64::from(time));
@@ -260,10 +253,7 @@ impl<S: Simd> Part<S> for Through<'_> {
                 inner.lo[axis] = (lo + bow) - (lo.abs() + size[axis]) * pad;
                 inner.hi[axis] = (hi + bow) + (hi.abs() + size[axis]) * pad;
             }
-            let (lo, hi) = inner.to_vectors();
-            for (slot, b) in raised.iter_mut().enumerate() {
-                b.raise(time, lo[slot], hi[slot]);
-            }
+            raised.raise(simd, time, &inner);
         }
         let (mut below, mut above) = ([zero; 3], [zero; 3]);
         for (k, ends) in times.windows(2).enumerate() {
@@ -287,7 +277,7 @@ impl<S: Simd> Part<S> for Through<'_> {
                 above[axis] = above[axis].max((bow - lo) * quarter);
             }
         }
-        let Boxes8 { mut start, mut end } = Boxes8::of(simd, &raised);
+        let Boxes8 { mut start, mut end } = raised;
         for bounds in [&mut start, &mut end] {
             for axis in 0..3 {
                 let (lo, hi) = (bounds.lo[axis], bounds.hi[axis]);

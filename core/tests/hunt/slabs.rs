@@ -525,7 +525,7 @@ fn hunt(
     way: impl Fn(&mut Genes<'_>, &Case) -> Way + Sync,
 ) {
     for (level, seed) in Level::available().into_iter().zip(seed..) {
-        let found = climb(20_000, 64, seed, |genes| {
+        let found = climb(40_000, 64, seed, |genes| {
             let scale = genes.whole(scales.0, scales.1);
             let case = Case::new(genes, scale, kind);
             score(&case, &way(genes, &case), level)
