@@ -145,7 +145,7 @@ fn plan(rating: &Rating<'_>, input: &CurveDice<'_>) -> Result<Vec<Chunk>, DiceEr
 fn emit_chunk(set: &CurveSet, keys: &Keys, chunk: &Chunk, part: &mut Part<'_>) {
     let mut strand = Strand::new(set);
     let mut sections: Vec<Section> = Vec::new();
-    let mut before = Vec::new();
+    let (mut radii, mut before) = (Vec::new(), Vec::new());
     let mut values = Vec::new();
     let closed = set.kind().is_periodic();
     for plan in &chunk.plans {
@@ -157,9 +157,10 @@ fn emit_chunk(set: &CurveSet, keys: &Keys, chunk: &Chunk, part: &mut Part<'_>) {
             Form::Flat | Form::Facing => Vec::new(),
         };
         before.clear();
+        set.radii(span, stations, &mut radii);
         for key in 0..keys.path.key_times().len() {
             strand.load(span, &keys.path, key);
-            strand.sections(stations, &mut sections);
+            strand.sections(stations, &radii, &mut sections);
             let placing = Placing {
                 key,
                 matrix: keys.path.matrix(key),

@@ -148,7 +148,7 @@ fn watch(
     eyes: Option<&[Eye]>,
 ) -> Vec<Vec<Watched>> {
     let mut strand = Strand::new(set);
-    let mut sections: Vec<Section> = Vec::new();
+    let (mut sections, mut radii): (Vec<Section>, Vec<f64>) = Default::default();
     let count = path.key_times().len();
     let mut out = vec![Vec::with_capacity(3 * chosen.len()); count];
     for &(span, form) in chosen {
@@ -161,9 +161,10 @@ fn watch(
         let last = span.segments - 1;
         let stations = [station(0, 0.0), station(last / 2, 0.5), station(last, 1.0)];
         let mut before = Vec::new();
+        set.radii(span, &stations, &mut radii);
         for (key, out) in out.iter_mut().enumerate() {
             strand.load(span, path, key);
-            strand.sections(&stations, &mut sections);
+            strand.sections(&stations, &radii, &mut sections);
             let matrix = path.matrix(key);
             match (form, eyes) {
                 (Form::Facing, Some(eyes)) => {

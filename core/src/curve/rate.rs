@@ -12,7 +12,7 @@ use glam::Vec3;
 use super::layout::Form;
 use super::set::{CurveSet, Station};
 use super::strand::{Section, Strand, face, lie_across, view_of};
-use crate::dice::{Eye, RasterMetric};
+use crate::dice::{Eye, Measured, RasterMetric};
 use crate::motion::PointPath;
 use crate::scene::CurveForm;
 use crate::translate::curves::CurveSpan;
@@ -34,6 +34,8 @@ const ROUNDS: usize = 5;
 const MOST_TURN: f32 = 0.88;
 /// Keys that are looked at, at most.
 const MOST_KEYS: usize = 5;
+/// Radii in pixels below this and the tolerance do not matter: that of what is off screen may be found at once then.
+const THIN_RADIUS: f32 = 0.5;
 
 /// Diameter in pixels from which a curve is a tube if it may: below, one cannot tell a ribbon that is
 /// shaded round from a tube; above, a curve that comes towards the camera shows that it has no end.
@@ -47,6 +49,9 @@ const CAP_RADIUS: f32 = 0.75;
 /// Cosine of the least turn at which shading shows a corner, and the radius in pixels from which it is
 /// worth one.
 const CORNER: (f64, f32) = (0.866, 1.0);
+const _: () = assert!(
+    THIN_RADIUS < CAP_RADIUS && THIN_RADIUS < CORNER.1 && 2.0 * THIN_RADIUS < TUBE_DIAMETER
+);
 
 /// How curves are rated.
 pub struct Rating<'a> {
@@ -67,7 +72,8 @@ pub struct Rating<'a> {
 #[derive(Default)]
 struct Look {
     points: Vec<Vec3>,
-    /// Radius, pixels.
+    measured: Vec<Measured>,
+    /// Radius, pixels, or more where that is below [`THIN_RADIUS`] and the tolerance.
     radii: Vec<f32>,
     /// Unit directions, of the edge and along the curve.
     sides: Vec<Vec3>,
@@ -81,6 +87,8 @@ pub struct Rater<'a> {
     rating: &'a Rating<'a>,
     strand: Strand<'a>,
     sections: Vec<Section>,
+    /// Radii of the fine stations, object space.
+    radii: Vec<f64>,
     before: Vec<glam::DVec3>,
     pieces: Vec<u32>,
     fine: Vec<Station>,
@@ -140,6 +148,7 @@ impl<'a> Rater<'a> {
             rating,
             strand: Strand::new(rating.set),
             sections: Vec::new(),
+            radii: Vec::new(),
             before: Vec::new(),
             pieces: Vec::new(),
             fine: Vec::new(),
@@ -163,8 +172,7 @@ impl<'a> Rater<'a> {
             return None;
         }
         let widest = self.largest(|look, i| look.radii[i]);
-        let has_width = |s: &Station| self.rating.set.radius(span, s) > 0.0;
-        if !self.fine.iter().any(has_width) {
+        if !self.radii.iter().any(|&radius| radius > 0.0) {
             return None;
         }
         let form = self.form(widest);
@@ -215,11 +223,16 @@ impl<'a> Rater<'a> {
             self.strand.load(span, rating.path, key);
             let matrix = rating.path.matrix(key);
             let place = |p| (matrix.transform_point3(p) - rating.path.origin()).as_vec3();
+            let measured = |p: Vec3| rating.metric.measure(key, p);
             let measure = |a: Vec3, b: Vec3| rating.metric.length(key, a, b);
             for (segment, pieces) in self.pieces.iter_mut().enumerate() {
                 let control = self.strand.control(segment as u32);
                 let [a, m, b] = [0.0, 0.5, 1.0].map(|t| place(kind.point(&control, t)));
-                let length = measure(a, m) + measure(m, b);
+                // A little less than half of what the pieces that there are may have.
+                let small = 0.499 * rating.longest * *pieces as f32;
+                let [from, middle, to] = [a, m, b].map(measured);
+                let length = |a, b| rating.metric.length_unless(small, key, a, b);
+                let length = length(&from, &middle) + length(&middle, &to);
                 let mut needed = (length / rating.longest).ceil();
                 // A chord over 1/n of a segment misses it by at most the second derivative over 8 n^2.
                 let mut off = 0.0f32;
@@ -260,9 +273,12 @@ impl<'a> Rater<'a> {
     fn look(&mut self, span: &CurveSpan) {
         let rating = self.rating;
         self.looks.resize_with(rating.keys.len(), Look::default);
+        rating.set.radii(span, &self.fine, &mut self.radii);
+        let small = rating.tolerance.min(THIN_RADIUS);
         for (look, &key) in self.looks.iter_mut().zip(&rating.keys) {
             self.strand.load(span, rating.path, key);
-            self.strand.sections(&self.fine, &mut self.sections);
+            self.strand
+                .sections(&self.fine, &self.radii, &mut self.sections);
             let matrix = rating.path.matrix(key);
             if rating.set.normals.is_some() {
                 let normal = |i: usize| normal_at(rating.set, span, &self.fine[i]);
@@ -281,6 +297,7 @@ impl<'a> Rater<'a> {
                 super::strand::carry(&mut self.sections, false, &mut self.before);
             }
             look.points.clear();
+            look.measured.clear();
             look.radii.clear();
             look.sides.clear();
             look.ways.clear();
@@ -288,8 +305,11 @@ impl<'a> Rater<'a> {
             for s in &self.sections {
                 let p = (matrix.transform_point3(s.p) - rating.path.origin()).as_vec3();
                 let edge = (matrix.matrix3 * (s.side * s.radius)).as_vec3();
+                let [at, rim] = [p, p + edge].map(|p| rating.metric.measure(key, p));
                 look.points.push(p);
-                look.radii.push(rating.metric.length(key, p, p + edge));
+                look.measured.push(at);
+                look.radii
+                    .push(rating.metric.length_unless(small, key, &at, &rim));
                 let unit = |v: glam::DVec3| (matrix.matrix3 * v).normalize_or_zero().as_vec3();
                 look.sides.push(unit(s.side));
                 look.ways.push(unit(s.along));
@@ -373,7 +393,10 @@ impl<'a> Rater<'a> {
             let (p, q) = (look.points[a], look.points[b]);
             let chord = q - p;
             let squared = chord.length_squared();
-            rating.metric.length(key, p, q) <= longest
+            let is_within = |most: f32, a: &Measured, b: &Measured| {
+                rating.metric.length_unless(most, key, a, b) <= most
+            };
+            is_within(longest, &look.measured[a], &look.measured[b])
                 && self.turns_little(look, a, b, tube)
                 && (a + 1..b).all(|m| {
                     let at = look.points[m];
@@ -382,7 +405,11 @@ impl<'a> Rater<'a> {
                     let f = if f > 0.0 { f.min(1.0) } else { 0.0 };
                     let radius = look.radii[a] + (look.radii[b] - look.radii[a]) * f;
                     (look.radii[m] - radius).abs() <= rating.tolerance
-                        && rating.metric.length(key, at, p + chord * f) <= rating.tolerance
+                        && is_within(
+                            rating.tolerance,
+                            &look.measured[m],
+                            &rating.metric.measure(key, p + chord * f),
+                        )
                 })
         })
     }

@@ -125,9 +125,11 @@ impl CurveSet {
         values.floats()[item * width + component]
     }
 
-    /// Radius at a place, object space.
-    pub fn radius(&self, span: &CurveSpan, at: &Station) -> f64 {
-        (0.5 * self.value(&self.widths, 1, 0, span, at)).max(0.0)
+    /// Radii at places, object space, of all keys: in place of what is there.
+    pub fn radii(&self, span: &CurveSpan, stations: &[Station], out: &mut Vec<f64>) {
+        let radius = |at| (0.5 * self.value(&self.widths, 1, 0, span, at)).max(0.0);
+        out.clear();
+        out.extend(stations.iter().map(radius));
     }
 
     /// Largest second derivative of the radius over a segment.

@@ -99,11 +99,15 @@ impl<'a> Strand<'a> {
             .control(self.points.len(), segment as usize, value)
     }
 
-    /// Cross-sections at `stations`, which run from the curve's begin to its end. `side` is not set.
-    pub fn sections(&self, stations: &[Station], out: &mut Vec<Section>) {
+    /// Cross-sections at `stations`, which run from the curve's begin to its end, with the [radii](CurveSet::radii) there. `side` is not
+    /// set.
+    pub fn sections(&self, stations: &[Station], radii: &[f64], out: &mut Vec<Section>) {
         let kind = self.set.kind();
         out.clear();
         let way = |control: &[DVec3; 4], t: f64| {
+            if kind.is_linear() {
+                return (control[1] - control[0]).normalize_or_zero();
+            }
             let d = kind.derivative(control, t);
             let size = (control[1] - control[0]).length()
                 + (control[2] - control[1]).length()
@@ -120,7 +124,7 @@ impl<'a> Strand<'a> {
         );
         let mut control = self.control(0);
         let mut segment = 0;
-        for station in stations {
+        for (station, &radius) in stations.iter().zip(radii) {
             let before = control;
             let joint = station.segment != segment;
             if joint {
@@ -146,7 +150,7 @@ impl<'a> Strand<'a> {
                 ways: [comes, leaves],
                 along: DVec3::ZERO,
                 side: DVec3::ZERO,
-                radius: self.set.radius(&self.span, station),
+                radius,
                 slopes: [0.0; 2],
             });
         }
