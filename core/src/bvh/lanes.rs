@@ -11,10 +11,10 @@ use super::LinearBox;
 /// at most 1), and the chord, which lies between its ends, by `s`; what a value `v` has more by `s + |v|`. Adding the rounding to that
 /// errs by `s + |v|`, and moving a bound by `2 s + |v|`: together `7 s + 3 |v|`. So 8 times the sum of all three covers everything,
 /// errors of errors too.
-const EXCESS_ROUNDING: f32 = 8.0 / (1 << 24) as f32;
-/// The same where numbers are below f32's normal range: three that are given and the results of eight operations err by less than
-/// the smallest normal number each, flushed to zero or not.
-const EXCESS_TINY: f32 = f32::MIN_POSITIVE * 16.0;
+pub const EXCESS_ROUNDING: f32 = 8.0 / (1 << 24) as f32;
+/// The same where numbers are below f32's normal range: the results of eight operations, and three numbers that are given, err
+/// by less than the smallest normal number each, even where such are flushed to zero.
+pub const EXCESS_TINY: f32 = f32::MIN_POSITIVE * 16.0;
 
 /// Ranges of coordinates of 8 boxes at one instant, on each axis.
 #[derive(Clone, Copy, Debug)]
@@ -177,7 +177,7 @@ fn raised<S: Simd>(simd: S, time: f32, [b0, b1]: [S::F8; 2], value: S::F8) -> [S
     let chord = b0 + (b1 - b0) * simd.all8(time);
     let all = b0.abs() + b1.abs() + value.abs();
     let rounding = all * simd.all8(EXCESS_ROUNDING) + simd.all8(EXCESS_TINY);
-    // Also where it is NaN: such bounds are refused.
+    // What is no number stays so.
     let excess = simd.all8(0.0).max((value - chord) + rounding);
     // Of a constant chord nothing is rounded.
     let (constant, level) = (b0.le(b1) & b1.le(b0), b0.max(value));

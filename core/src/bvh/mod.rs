@@ -12,7 +12,7 @@
 //! **Why it holds.** The largest of several functions that are linear in time lies below its chord;
 //! so on one fixed set of axes, bounds at both ends, interpolated, contain all vertices that move
 //! linearly between. Vertices with more keys move linearly between neighbouring keys; the chord
-//! over the whole shutter is raised by its largest excess at an inner key ([`linear`]). Where a block's frame turns,
+//! over the whole shutter is raised by its largest excess at an inner key ([`linear`], of 8 boxes at once [`lanes`]). Where a block's frame turns,
 //! the same is said of coordinates along axes that move ([`turn`]).
 //!
 //! **Shape.** A grid is cut into *blocks* of up to 8x8 micropolygons ([`block`]). A block is one node

@@ -34,7 +34,8 @@ const ROUNDS: usize = 5;
 const MOST_TURN: f32 = 0.88;
 /// Keys that are looked at, at most.
 const MOST_KEYS: usize = 5;
-/// Radii in pixels below this and the tolerance do not matter: that of what is off screen may be found at once then.
+/// Radii in pixels below this and half of the tolerance hardly matter off screen: these may be told too large there, to be found at
+/// once.
 const THIN_RADIUS: f32 = 0.5;
 
 /// Diameter in pixels from which a curve is a tube if it may: below, one cannot tell a ribbon that is
@@ -73,7 +74,7 @@ pub struct Rating<'a> {
 struct Look {
     points: Vec<Vec3>,
     measured: Vec<Measured>,
-    /// Radius, pixels, or more where that is below [`THIN_RADIUS`] and the tolerance.
+    /// Radius, pixels; off screen, more where that is below [`THIN_RADIUS`] and half of the tolerance.
     radii: Vec<f32>,
     /// Unit directions, of the edge and along the curve.
     sides: Vec<Vec3>,
@@ -274,7 +275,7 @@ impl<'a> Rater<'a> {
         let rating = self.rating;
         self.looks.resize_with(rating.keys.len(), Look::default);
         rating.set.radii(span, &self.fine, &mut self.radii);
-        let small = rating.tolerance.min(THIN_RADIUS);
+        let small = (0.5 * rating.tolerance).min(THIN_RADIUS);
         for (look, &key) in self.looks.iter_mut().zip(&rating.keys) {
             self.strand.load(span, rating.path, key);
             self.strand

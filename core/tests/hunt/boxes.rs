@@ -3,12 +3,13 @@
 use glam::Vec3;
 use hdtrapeze_core::bvh::block::CellRect;
 use hdtrapeze_core::bvh::bound::bound_groups;
+use hdtrapeze_core::bvh::lanes::{Boxes8, EXCESS_ROUNDING, EXCESS_TINY};
 use hdtrapeze_core::bvh::node::{Lattice8, pack};
 use hdtrapeze_core::bvh::{
     Bounds8, Frame, LinearBox, LinearSlabs, ROTATION_PAD, ROTATION_TINY, StaticSlabs,
 };
 use hdtrapeze_core::grid::PlanarMesh;
-use hdtrapeze_simd::Level;
+use hdtrapeze_simd::{Kernel, Level, Simd};
 
 use crate::climb::{Genes, climb};
 use crate::exact::{Exact, dot};
@@ -105,6 +106,78 @@ fn chords_of_inner_keys() {
     });
     // Bounds that touch are what is wanted.
     found.check("inner keys", 0.999);
+}
+
+/// A box raised at inner keys, in all lanes.
+struct Raise<'a>(LinearBox, &'a [(f32, f32)]);
+
+impl Kernel for Raise<'_> {
+    type Output = LinearBox;
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> LinearBox {
+        let Raise(first, keys) = self;
+        let mut boxes = Boxes8::of(simd, &[first]);
+        for &(time, value) in keys {
+            let value = Vec3::splat(value);
+            let inner = Boxes8::of(
+                simd,
+                &[LinearBox {
+                    lo0: value,
+                    hi0: value,
+                    lo1: value,
+                    hi1: value,
+                }],
+            );
+            boxes.raise(simd, time, &inner.start);
+        }
+        boxes.to_boxes()[7]
+    }
+}
+
+/// The same of 8 boxes at once, for two keys: how much is used of what rounding may take.
+#[test]
+fn chords_of_inner_keys_in_lanes() {
+    for (level, seed) in Level::available().into_iter().zip(70..) {
+        let found = climb(20_000, 16, seed, |genes| {
+            let scale = genes.whole(-149, 58);
+            let range = ((scale - 40).max(-149), scale);
+            let [b0, b1, first, second] = [0; 4].map(|_| genes.float(range.0, range.1));
+            let b1 = if genes.below(4) == 0 { b0 } else { b1 };
+            let keys = [(genes.unit(), first), (genes.unit(), second)];
+            let b = LinearBox {
+                lo0: Vec3::splat(b0),
+                hi0: Vec3::splat(b0),
+                lo1: Vec3::splat(b1),
+                hi1: Vec3::splat(b1),
+            };
+            let chord = |b0: f32, b1: f32, time: f32| {
+                let (b0, b1) = (Exact::from(b0), Exact::from(b1));
+                b0.clone() + (b1 - b0) * Exact::from(time)
+            };
+            let mut worst = f64::NEG_INFINITY;
+            for count in 1..=2 {
+                let before = level.run(Raise(b, &keys[..count - 1]));
+                let after = level.run(Raise(b, &keys[..count]));
+                for (k, &(time, value)) in keys[..count].iter().enumerate() {
+                    let side = |b: [f32; 2]| (Exact::from(value) - chord(b[0], b[1], time)).value();
+                    let above = side([after.hi0.x, after.hi1.x]);
+                    let below = -side([after.lo0.x, after.lo1.x]);
+                    if above > 0.0 || below > 0.0 {
+                        return 2.0;
+                    }
+                    let [h0, h1] = [before.hi0.x, before.hi1.x];
+                    if k + 1 == count && h0 != h1 && side([h0, h1]) > 0.0 {
+                        let all =
+                            f64::from(h0.abs()) + f64::from(h1.abs()) + f64::from(value.abs());
+                        let pad = f64::from(EXCESS_ROUNDING) * all + f64::from(EXCESS_TINY);
+                        worst = worst.max(1.0 + above / pad);
+                    }
+                }
+            }
+            worst
+        });
+        found.check(&format!("inner keys in lanes, {}", level.name()), 0.2);
+    }
 }
 
 /// Planes of 8 bits: lower ones are not above what they stand for, upper ones not below. How much of what numbers are
