@@ -12,7 +12,7 @@ use glam::Vec3;
 use super::layout::Form;
 use super::set::{CurveSet, Station};
 use super::strand::{Section, Strand, face, lie_across, view_of};
-use crate::dice::{Eye, Measured, RasterMetric};
+use crate::dice::{Eye, RasterMetric};
 use crate::motion::PointPath;
 use crate::scene::CurveForm;
 use crate::translate::curves::CurveSpan;
@@ -34,9 +34,6 @@ const ROUNDS: usize = 5;
 const MOST_TURN: f32 = 0.88;
 /// Keys that are looked at, at most.
 const MOST_KEYS: usize = 5;
-/// Radii in pixels below this and half of the tolerance hardly matter off screen: these may be told too large there, to be found at
-/// once.
-const THIN_RADIUS: f32 = 0.5;
 
 /// Diameter in pixels from which a curve is a tube if it may: below, one cannot tell a ribbon that is
 /// shaded round from a tube; above, a curve that comes towards the camera shows that it has no end.
@@ -50,9 +47,6 @@ const CAP_RADIUS: f32 = 0.75;
 /// Cosine of the least turn at which shading shows a corner, and the radius in pixels from which it is
 /// worth one.
 const CORNER: (f64, f32) = (0.866, 1.0);
-const _: () = assert!(
-    THIN_RADIUS < CAP_RADIUS && THIN_RADIUS < CORNER.1 && 2.0 * THIN_RADIUS < TUBE_DIAMETER
-);
 
 /// How curves are rated.
 pub struct Rating<'a> {
@@ -73,8 +67,7 @@ pub struct Rating<'a> {
 #[derive(Default)]
 struct Look {
     points: Vec<Vec3>,
-    measured: Vec<Measured>,
-    /// Radius, pixels; off screen, more where that is below [`THIN_RADIUS`] and half of the tolerance.
+    /// Radius, pixels.
     radii: Vec<f32>,
     /// Unit directions, of the edge and along the curve.
     sides: Vec<Vec3>,
@@ -224,16 +217,11 @@ impl<'a> Rater<'a> {
             self.strand.load(span, rating.path, key);
             let matrix = rating.path.matrix(key);
             let place = |p| (matrix.transform_point3(p) - rating.path.origin()).as_vec3();
-            let measured = |p: Vec3| rating.metric.measure(key, p);
             let measure = |a: Vec3, b: Vec3| rating.metric.length(key, a, b);
             for (segment, pieces) in self.pieces.iter_mut().enumerate() {
                 let control = self.strand.control(segment as u32);
                 let [a, m, b] = [0.0, 0.5, 1.0].map(|t| place(kind.point(&control, t)));
-                // A little less than half of what the pieces that there are may have.
-                let small = 0.499 * rating.longest * *pieces as f32;
-                let [from, middle, to] = [a, m, b].map(measured);
-                let length = |a, b| rating.metric.length_unless(small, key, a, b);
-                let length = length(&from, &middle) + length(&middle, &to);
+                let length = measure(a, m) + measure(m, b);
                 let mut needed = (length / rating.longest).ceil();
                 // A chord over 1/n of a segment misses it by at most the second derivative over 8 n^2.
                 let mut off = 0.0f32;
@@ -275,7 +263,6 @@ impl<'a> Rater<'a> {
         let rating = self.rating;
         self.looks.resize_with(rating.keys.len(), Look::default);
         rating.set.radii(span, &self.fine, &mut self.radii);
-        let small = (0.5 * rating.tolerance).min(THIN_RADIUS);
         for (look, &key) in self.looks.iter_mut().zip(&rating.keys) {
             self.strand.load(span, rating.path, key);
             self.strand
@@ -298,7 +285,6 @@ impl<'a> Rater<'a> {
                 super::strand::carry(&mut self.sections, false, &mut self.before);
             }
             look.points.clear();
-            look.measured.clear();
             look.radii.clear();
             look.sides.clear();
             look.ways.clear();
@@ -306,11 +292,8 @@ impl<'a> Rater<'a> {
             for s in &self.sections {
                 let p = (matrix.transform_point3(s.p) - rating.path.origin()).as_vec3();
                 let edge = (matrix.matrix3 * (s.side * s.radius)).as_vec3();
-                let [at, rim] = [p, p + edge].map(|p| rating.metric.measure(key, p));
                 look.points.push(p);
-                look.measured.push(at);
-                look.radii
-                    .push(rating.metric.length_unless(small, key, &at, &rim));
+                look.radii.push(rating.metric.length(key, p, p + edge));
                 let unit = |v: glam::DVec3| (matrix.matrix3 * v).normalize_or_zero().as_vec3();
                 look.sides.push(unit(s.side));
                 look.ways.push(unit(s.along));
@@ -394,10 +377,7 @@ impl<'a> Rater<'a> {
             let (p, q) = (look.points[a], look.points[b]);
             let chord = q - p;
             let squared = chord.length_squared();
-            let is_within = |most: f32, a: &Measured, b: &Measured| {
-                rating.metric.length_unless(most, key, a, b) <= most
-            };
-            is_within(longest, &look.measured[a], &look.measured[b])
+            rating.metric.length(key, p, q) <= longest
                 && self.turns_little(look, a, b, tube)
                 && (a + 1..b).all(|m| {
                     let at = look.points[m];
@@ -406,11 +386,7 @@ impl<'a> Rater<'a> {
                     let f = if f > 0.0 { f.min(1.0) } else { 0.0 };
                     let radius = look.radii[a] + (look.radii[b] - look.radii[a]) * f;
                     (look.radii[m] - radius).abs() <= rating.tolerance
-                        && is_within(
-                            rating.tolerance,
-                            &look.measured[m],
-                            &rating.metric.measure(key, p + chord * f),
-                        )
+                        && rating.metric.length(key, at, p + chord * f) <= rating.tolerance
                 })
         })
     }

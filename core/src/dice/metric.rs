@@ -42,10 +42,6 @@ const MARGIN_PIXELS: f32 = 16.0;
 /// Longest length reported, pixels: stands for overflow too.
 const LONGEST: f32 = 1.0e9;
 
-/// The angle under which a segment stands is at most this many times its length by the distance of an end, where that is the larger:
-/// half of pi, and a good deal for rounding.
-const ANGLE: f32 = 2.0;
-
 /// Half-spaces that a position lies outside of, as bits.
 const BEHIND: u8 = 1 << 4;
 
@@ -192,15 +188,6 @@ impl RasterMetric {
         // Also where it is NaN.
         if length < LONGEST { length } else { LONGEST }
     }
-
-    /// [`Self::length_between`], or `small` where what is found much sooner says that the length is less.
-    #[inline]
-    pub fn length_unless(&self, small: f32, key: usize, a: &Measured, b: &Measured) -> f32 {
-        match self.views.get(key) {
-            Some(local) if self.more[key].is_empty() && local.is_less(a, b, small) => small,
-            _ => self.length_between(key, a, b),
-        }
-    }
 }
 
 impl LocalView {
@@ -263,21 +250,6 @@ impl LocalView {
             p,
             outside,
         }
-    }
-
-    /// True where the length of what is off screen is below `limit` for sure: twice the sine of an angle is not less than the angle.
-    #[inline]
-    fn is_less(&self, a: &Measured, b: &Measured, limit: f32) -> bool {
-        if a.outside & b.outside == 0 || self.view.orthographic {
-            return false;
-        }
-        let (apart, far) = ((b.p - a.p).length_squared(), a.p.length_squared());
-        let (most, limit) = (ANGLE * self.angular, limit * limit * far);
-        // Squares that have left f32's range say nothing.
-        apart < far
-            && apart >= f32::MIN_POSITIVE
-            && limit.is_finite()
-            && most * most * apart < limit
     }
 
     fn length(&self, a: &Measured, b: &Measured) -> f32 {
@@ -374,34 +346,6 @@ mod tests {
             let (a, b) = (Vec3::new(0.5, 0.0, -1.0), Vec3::new(3.0, 0.0, 1.0));
             assert_eq!(metric.length(0, a, b), metric.length(0, b, a));
         }
-    }
-
-    #[test]
-    fn what_is_said_to_be_less_is() {
-        let mut state = 5u32;
-        let mut number = move || {
-            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            (state >> 8) as f32 / (1 << 23) as f32 - 1.0
-        };
-        let metric = RasterMetric::new(&[vec![view()]], DVec3::ZERO);
-        let (mut less, mut not) = (0, 0);
-        for i in 0..200_000 {
-            let size = ((i % 60 - 30) as f32).exp2();
-            let mut vector = || Vec3::new(number(), number(), number()) * size;
-            let (a, way) = (vector(), vector());
-            let b = a + way * ((i % 23) as f32 - 22.0).exp2();
-            let small = (number() * 12.0 - 4.0).exp2();
-            let [a, b] = [a, b].map(|p| metric.measure(0, p));
-            let length = metric.length_between(0, &a, &b);
-            let found = metric.length_unless(small, 0, &a, &b);
-            if found == length {
-                not += usize::from(length < small);
-            } else {
-                assert!(found == small && length < small, "{length} {small}");
-                less += 1;
-            }
-        }
-        assert!(less > 20_000 && not > 1000, "{less} {not}");
     }
 
     #[test]

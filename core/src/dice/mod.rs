@@ -53,7 +53,7 @@ mod source;
 
 pub use clusters::{ClusterRule, Clusters};
 pub use eye::Eye;
-pub use metric::{Measured, RasterMetric, RasterView};
+pub use metric::{RasterMetric, RasterView};
 
 use crate::grid::{DicedMesh, GridChannel};
 use crate::motion::PointPath;
