@@ -105,6 +105,7 @@ impl<'a> Strand<'a> {
         let kind = self.set.kind();
         out.clear();
         let way = |control: &[DVec3; 4], t: f64| {
+            // All control points but the first are its end.
             if kind.is_linear() {
                 return (control[1] - control[0]).normalize_or_zero();
             }
