@@ -141,6 +141,55 @@ fn bounds_need_no_tree() {
     }
 }
 
+/// Grids that cross over to the other side and turn on their way, far from what their ends tell.
+#[test]
+fn no_tree_stores_more_than_the_radius_says() {
+    let mut rng = Rng(17);
+    let mut most = 0.0f32;
+    for round in 0..2400 {
+        // Key times that crowd at an end raise chords the most.
+        let mut times: Vec<f32> = (0..[0, 1, 3, 9][round % 4])
+            .map(|_| rng.unit().powi([1, 6][round / 4 % 2]))
+            .chain([0.0, 1.0])
+            .collect();
+        times.sort_by(f32::total_cmp);
+        times.dedup();
+        let corners: Vec<Vec3> = times.iter().map(|_| corner(&mut rng)).collect();
+        let (upright, lean) = (rng.direction(), [0.3, 0.6, 3.0][round / 8 % 3]);
+        let normals: Vec<Vec3> = times
+            .iter()
+            .map(|_| (upright + rng.direction() * lean).normalize())
+            .collect();
+        let size = [0.001, 0.05, 0.3][round % 3];
+        let mesh = mesh(&[(8, 8); 2], &times, |g, u, v, time| {
+            let key = times.iter().position(|&t| t == time).unwrap_or(0);
+            let side = normals[key].any_orthonormal_vector();
+            let across = normals[key].cross(side);
+            let at = side * (u + g as f32 - 1.0) + across * (v - 0.5);
+            corners[key] * (1.0 - size) + at * size
+        });
+        let reach = mesh
+            .positions
+            .iter()
+            .fold(0.0f32, |m, p| m.max(p.abs().max_element()));
+        let later = ObjectGeometry::later(mesh.clone());
+        for now in [
+            ObjectGeometry::new(mesh.clone()),
+            ObjectGeometry::plain(mesh),
+        ] {
+            assert!(later.radius() >= now.radius(), "{times:?}");
+            most = most.max(now.radius() / reach);
+        }
+    }
+    // The hunt finds some that go far.
+    assert!(most > 3.5 && most < 10.0, "{most}");
+}
+
+/// A corner of a cube, or near it.
+fn corner(rng: &mut Rng) -> Vec3 {
+    rng.cube().signum() * (1.0 - 0.05 * rng.unit())
+}
+
 /// Thousands of instances, some of which move.
 fn many(object: fn(DicedMesh) -> ObjectGeometry) -> Vec<WorldSet> {
     let mut rng = Rng(5);

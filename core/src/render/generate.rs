@@ -94,6 +94,12 @@ pub fn block_size(samples: usize, has_time: bool) -> u32 {
     }
 }
 
+/// True where a tile's rays are sorted by time as one, for so many samples of each pixel, and not block by block: one sample of each
+/// pixel of a block is one packet, which would have rays of the whole shutter.
+pub fn is_sorted_as_one(samples: usize, has_time: bool) -> bool {
+    samples == 1 && has_time
+}
+
 impl<'a> Generator<'a> {
     /// For what the effect plan calls for.
     pub fn new(prepared: &'a Prepared) -> Self {

@@ -10,7 +10,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::elsewhere::{Made, Stage};
-use super::generate::{Generator, Job, TileSamples};
+use super::generate::{Generator, Job, TileSamples, is_sorted_as_one};
 use super::prepared::Prepared;
 use crate::film::tile::{FirstHit, Keeps, MeanValues, PixelSums, PrimvarSample, Sample, Tile};
 use crate::shade::{ChannelAccess, camera_lit};
@@ -84,13 +84,20 @@ impl<'a> Integrator<'a> {
         let drawn = TileSamples::of(tile, target);
         let mut primvars = PrimvarSample::new(self.keeps);
         let (mut jobs, mut blocks, mut found) = (Vec::new(), Vec::new(), Vec::new());
+        let as_one = is_sorted_as_one(drawn.samples.len(), self.generator.has_time);
+        // A tile's rays together where their order is looked for, while caches hold fewer for longer.
+        let together = as_one || self.by_surface && !CULL;
         let mut pixels = self.generator.blocks(&drawn).peekable();
         while let Some(block) = pixels.next() {
             let begin = jobs.len();
             self.generator.draw_block(&drawn, block, &mut jobs);
-            blocks.push(begin..jobs.len());
-            // A tile's rays together where their order is looked for, while caches hold fewer for longer.
-            if CULL || !self.by_surface || pixels.peek().is_none() {
+            if as_one {
+                blocks.clear();
+                blocks.push(0..jobs.len());
+            } else {
+                blocks.push(begin..jobs.len());
+            }
+            if !together || pixels.peek().is_none() {
                 let told = &mut tile.expected;
                 self.trace::<CULL>(&jobs, &blocks, &mut found, told, counts);
                 let first = |i: usize| found[i].0;
