@@ -56,16 +56,9 @@ fn vertices_positions_and_channels_agree_with_u_and_v() {
     assert_eq!(world.shading_normal(&Hit::MISS, 0.0), None);
 }
 
-#[test]
-fn normals_follow_transforms_outward() {
-    // A sphere has its position as its normal; under any transform normals stay outward, and
-    // perpendicular to the transformed surface.
-    let mut m = closed(2, 12, &keys(1), |p, _| p.normalize());
-    m.normal_key_count = 1;
-    m.normals = m.positions.iter().map(|&p| octahedral::encode(p)).collect();
-    // Cells of the faces of `closed` turn both ways; compare up to sign for geometric normals.
-    let o = object(m);
-    let places = [
+/// One of each kind.
+fn places() -> [InstanceTransform; 3] {
+    [
         InstanceTransform::Translation(DVec3::ZERO),
         InstanceTransform::Static(affine(
             DVec3::ONE,
@@ -80,9 +73,42 @@ fn normals_follow_transforms_outward() {
                 affine(DVec3::X, 0.5, DVec3::new(2.0, -1.0, 3.0), DVec3::ZERO),
             ],
         },
-    ];
+    ]
+}
+
+#[test]
+fn positions_at_both_ends_are_those_at_their_times() {
+    let mut rng = Rng(3);
+    for (n, place) in [1, 2, 3, 5]
+        .into_iter()
+        .flat_map(|n| places().map(|place| (n, place)))
+    {
+        let moves = matches!(place, InstanceTransform::Moving { .. });
+        let m = closed(2, 12, &keys(n), |p, t| {
+            p.normalize() * (1.0 + t * (t + 0.3 * p.x))
+        });
+        let world = World::build(vec![instance(&object(m), place)], DVec3::ZERO);
+        for _ in 0..100 {
+            let hit = trace(&world, Vec3::ZERO, rng.direction(), rng.unit());
+            let at = |time: f32| world.position(&hit, time).expect("a hit");
+            assert_eq!(world.end_positions(&hit), Some([at(0.0), at(1.0)]));
+            assert_eq!(at(0.0) != at(1.0), n > 1 || moves);
+        }
+        assert_eq!(world.end_positions(&Hit::MISS), None);
+    }
+}
+
+#[test]
+fn normals_follow_transforms_outward() {
+    // A sphere has its position as its normal; under any transform normals stay outward, and
+    // perpendicular to the transformed surface.
+    let mut m = closed(2, 12, &keys(1), |p, _| p.normalize());
+    m.normal_key_count = 1;
+    m.normals = m.positions.iter().map(|&p| octahedral::encode(p)).collect();
+    // Cells of the faces of `closed` turn both ways; compare up to sign for geometric normals.
+    let o = object(m);
     let mut rng = Rng(2);
-    for place in places {
+    for place in places() {
         let world = World::build(vec![instance(&o, place)], DVec3::ZERO);
         for _ in 0..300 {
             let (dir, time) = (rng.direction(), rng.unit());

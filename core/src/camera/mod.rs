@@ -16,6 +16,7 @@ pub mod clip;
 pub mod lens;
 pub mod opening;
 pub mod pose;
+pub mod projector;
 pub mod window;
 
 use glam::{DAffine3, DVec3, Mat3, Vec2, Vec3};
@@ -31,6 +32,7 @@ use clip::ClippingPlanes;
 use lens::{Lens, LensPath};
 use opening::Opening;
 use pose::Poses;
+pub use projector::Projector;
 
 /// Smallest near clip that is used, relative to the far clip or one unit: f32 depth has 24 bits, so
 /// a nearer near plane would only lose depth precision.
@@ -257,22 +259,16 @@ impl Camera {
         }
     }
 
-    /// Raster position of a world-space point (relative to [`Camera::origin`]) at `time`; `None`
-    /// behind the camera.
-    pub fn project(&self, p: Vec3, time: f32) -> Option<Vec2> {
-        let p = self.to_camera(p, time);
-        let at = match self.projection {
-            Projection::Perspective if p.z < 0.0 => p.truncate() / -p.z,
-            Projection::Perspective => return None,
-            Projection::Orthographic => p.truncate(),
-        };
-        Some(self.lens(time).window.unit(at) * self.size())
-    }
-
-    /// Camera-space position of a world-space point (relative to [`Camera::origin`]) at `time`.
-    pub fn to_camera(&self, p: Vec3, time: f32) -> Vec3 {
+    /// Where points are in the image at `time`.
+    pub fn projector(&self, time: f32) -> Projector {
         let (rotation, position) = self.pose(time);
-        rotation.inverse() * (p - position)
+        Projector {
+            projection: self.projection,
+            rotation: rotation.inverse(),
+            position,
+            window: self.lens(time).window,
+            size: self.size(),
+        }
     }
 
     /// Camera-space direction of a world-space normal at `time`, unit length.

@@ -80,8 +80,9 @@ fn project_inverts_ray_with_offsets_and_every_policy() {
             let raster = Vec2::new(12.5, 180.25);
             let ray = camera.ray(raster, Vec2::ZERO, 0.0);
             let p = ray.origin + ray.dir * 5.0;
-            assert!((camera.project(p, 0.0).unwrap() - raster).length() < 1e-2);
-            assert!((camera.to_camera(p, 0.0).z + 5.0).abs() < 1e-5);
+            let projector = camera.projector(0.0);
+            assert!((projector.project(p).unwrap() - raster).length() < 1e-2);
+            assert!((projector.to_camera(p).z + 5.0).abs() < 1e-5);
         }
     }
 }

@@ -438,6 +438,18 @@ impl PlanarMesh {
         let x = self.first_float(grid, k) + x_of(grid, i);
         Vec3::from_array([0, 1, 2].map(|axis| self.floats[x + axis * columns(grid)]))
     }
+    /// Corners `(i, j) (i+1, j) (i+1, j+1) (i, j+1)` of micropolygon `(i, j)` of `grid` at key `k`.
+    ///
+    /// # Panics
+    /// It is not there.
+    #[inline]
+    pub fn corners(&self, grid: &Grid, k: usize, i: usize, j: usize) -> [Vec3; 4] {
+        let columns = columns(grid);
+        let first = self.first_float(grid, k) + 3 * columns * j + i;
+        let floats = &self.floats[first..][..5 * columns + 2];
+        let at = |x: usize| Vec3::new(floats[x], floats[x + columns], floats[x + 2 * columns]);
+        [at(0), at(1), at(3 * columns + 1), at(3 * columns)]
+    }
     /// Normals of grid `g` at key `k` (`k < normal_key_count`).
     pub fn grid_normals(&self, g: usize, k: usize) -> &[u32] {
         let grid = &self.grids[g];

@@ -12,6 +12,7 @@ use rayon::prelude::*;
 use super::elsewhere::{Made, Stage};
 use super::generate::{Generator, Job, TileSamples, is_sorted_as_one};
 use super::prepared::Prepared;
+use crate::camera::Projector;
 use crate::film::tile::{FirstHit, Keeps, MeanValues, PixelSums, PrimvarSample, Sample, Tile};
 use crate::shade::{ChannelAccess, camera_lit};
 use crate::trace::packet::PACKET;
@@ -32,6 +33,8 @@ pub(super) struct Integrator<'a> {
     /// Those that are asked for.
     values: MeanValues,
     irradiance: f32,
+    /// When the shutter opens and when it closes.
+    projectors: [Projector; 2],
     /// Rays of one pixel go different ways, and what they meet is far from caches.
     by_surface: bool,
 }
@@ -44,6 +47,7 @@ impl<'a> Integrator<'a> {
             keeps,
             values: prepared.mean_values(),
             irradiance: prepared.irradiance(),
+            projectors: [0.0, 1.0].map(|time| prepared.camera.projector(time)),
             by_surface: (prepared.plan.has_time() || prepared.plan.has_lens())
                 && prepared.world.is_far(),
         }
@@ -562,11 +566,11 @@ impl<'a> Integrator<'a> {
 
     /// Raster movement of the point that was hit, from shutter open to close.
     fn motion(&self, hit: &Hit) -> [f32; 2] {
-        let at = |time: f32| {
-            let p = self.prepared.world.position(hit, time)?;
-            self.prepared.camera.project(p, time)
+        let Some([open, close]) = self.prepared.world.end_positions(hit) else {
+            return [0.0; 2];
         };
-        match (at(0.0), at(1.0)) {
+        let [at_open, at_close] = &self.projectors;
+        match (at_open.project(open), at_close.project(close)) {
             (Some(a), Some(b)) => (b - a).to_array(),
             _ => [0.0; 2],
         }

@@ -255,6 +255,15 @@ impl InstanceSet {
         }
     }
 
+    /// [`InstanceSet::to_world`] when the shutter opens and when it closes.
+    pub(super) fn to_world_at_ends(&self, i: usize, world_origin: DVec3) -> [DAffine3; 2] {
+        let start = self.to_world(i, 0.0, world_origin);
+        match &self.places {
+            Places::Moving { .. } => [start, self.to_world(i, 1.0, world_origin)],
+            _ => [start; 2],
+        }
+    }
+
     /// `n` of the mesh, of any length, as it is in the world at `time` up to a positive scale.
     pub(super) fn normal_to_world(&self, i: usize, time: f32, n: DVec3) -> DVec3 {
         match &self.places {

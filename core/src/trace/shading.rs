@@ -9,7 +9,7 @@ use hdtrapeze_simd::{Kernel, Simd};
 use super::world::{Numbered, World, clamp_time};
 use super::{Hit, Ray};
 use crate::bvh::ObjectGeometry;
-use crate::grid::{PlanarMesh, lerp_position, locate_key, octahedral};
+use crate::grid::{Grid, PlanarMesh, lerp_position, locate_key, octahedral};
 
 /// Weights of a cell's corners `(i,j) (i+1,j) (i+1,j+1) (i,j+1)` at a hit; one of them is 0.
 pub fn corner_weights(u: f32, v: f32) -> [f32; 4] {
@@ -66,15 +66,20 @@ impl World {
     pub fn position(&self, hit: &Hit, time: f32) -> Option<Vec3> {
         let (set, i) = self.hit_instance(hit)?;
         let time = clamp_time(time);
-        let p = cell_positions(set.set.object().mesh(), hit, time)?;
-        let w = corner_weights(hit.u, hit.v);
-        let p = (0..4).fold(DVec3::ZERO, |s, i| s + p[i].as_dvec3() * f64::from(w[i]));
-        Some(
-            set.set
-                .to_world(i, time, self.origin)
-                .transform_point3(p)
-                .as_vec3(),
-        )
+        let p = blended(&cell_positions(set.set.object().mesh(), hit, time)?, hit);
+        let m = set.set.to_world(i, time, self.origin);
+        Some(m.transform_point3(p).as_vec3())
+    }
+
+    /// [`World::position`] when the shutter opens and when it closes.
+    pub fn end_positions(&self, hit: &Hit) -> Option<[Vec3; 2]> {
+        let (set, i) = self.hit_instance(hit)?;
+        let ends = end_positions(set.set.object().mesh(), hit)?;
+        let m = set.set.to_world_at_ends(i, self.origin);
+        Some([0, 1].map(|end: usize| {
+            let p = blended(&ends[end], hit);
+            m[end].transform_point3(p).as_vec3()
+        }))
     }
 
     /// Unit normal of the triangle that was hit, at `time`, in the direction of `dP/du x dP/dv` of the
@@ -230,25 +235,55 @@ impl<I: Iterator<Item = (Hit, f32)>> Kernel for ExpectNormals<'_, I> {
 
 /// Vertices of the hit cell inside its grid, in corner order.
 fn cell_corners(mesh: &PlanarMesh, hit: &Hit) -> Option<[usize; 4]> {
+    let (grid, i, j) = cell_of(mesh, hit)?;
+    let columns = usize::from(grid.nu) + 1;
+    let a = j * columns + i;
+    Some([a, a + 1, a + columns + 1, a + columns])
+}
+
+/// The grid, column and row of the hit cell.
+fn cell_of<'a>(mesh: &'a PlanarMesh, hit: &Hit) -> Option<(&'a Grid, usize, usize)> {
     let grid = mesh.grids.get(hit.grid as usize)?;
     if hit.cell as usize >= grid.cell_count() {
         return None;
     }
     let nu = u32::from(grid.nu);
-    // A cell of each row before has one vertex more.
-    let a = (hit.cell + hit.cell / nu) as usize;
-    let nu = nu as usize;
-    Some([a, a + 1, a + nu + 2, a + nu + 1])
+    let j = hit.cell / nu;
+    Some((grid, (hit.cell - j * nu) as usize, j as usize))
 }
 
 /// Object-space corners of the hit cell at a time in [0, 1].
 fn cell_positions(mesh: &PlanarMesh, hit: &Hit, time: f32) -> Option<[Vec3; 4]> {
-    let corners = cell_corners(mesh, hit)?;
-    let grid = hit.grid as usize;
+    let (grid, i, j) = cell_of(mesh, hit)?;
     let (k, f) = locate_key(&mesh.key_times, time);
-    let at = |k: usize, i: usize| mesh.position(grid, k, i);
+    let a = mesh.corners(grid, k, i, j);
     if !mesh.is_moving() {
-        return Some(corners.map(|i| at(k, i)));
+        return Some(a);
     }
-    Some(corners.map(|i| lerp_position(at(k, i), at(k + 1, i), f)))
+    Some(between(&a, &mesh.corners(grid, k + 1, i, j), f))
+}
+
+/// [`cell_positions`] at both ends of the shutter.
+fn end_positions(mesh: &PlanarMesh, hit: &Hit) -> Option<[[Vec3; 4]; 2]> {
+    let (grid, i, j) = cell_of(mesh, hit)?;
+    let at = |k: usize| mesh.corners(grid, k, i, j);
+    let start = at(0);
+    Some(match mesh.key_count() {
+        0 | 1 => [start, start],
+        2 => [start, between(&start, &at(1), 1.0)],
+        n => [start, between(&at(n - 2), &at(n - 1), 1.0)],
+    })
+}
+
+fn between(a: &[Vec3; 4], b: &[Vec3; 4], f: f32) -> [Vec3; 4] {
+    std::array::from_fn(|i| lerp_position(a[i], b[i], f))
+}
+
+/// The point of a cell that was hit.
+#[inline]
+fn blended(corners: &[Vec3; 4], hit: &Hit) -> DVec3 {
+    let w = corner_weights(hit.u, hit.v);
+    (0..4).fold(DVec3::ZERO, |s, i| {
+        s + corners[i].as_dvec3() * f64::from(w[i])
+    })
 }
