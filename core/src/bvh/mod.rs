@@ -73,7 +73,7 @@ pub const U: f32 = 1.0 / (1 << 24) as f32;
 
 /// Largest magnitude of a coordinate that is traced. Products of two differences of coordinates
 /// stay below f32's largest number, 2^128. Blocks beyond are dropped, and counted. What an instance reaches is bounded from its
-/// object's radius, by 3 times that, or 18 times where the tree was left for later; an instance that may reach beyond the limit
+/// object's radius, by 3 times that, or 30 times where the tree was left for later; an instance that may reach beyond the limit
 /// is left out whole, and counted.
 pub const COORDINATE_LIMIT: f32 = (1u64 << 60) as f32;
 

@@ -10,11 +10,11 @@ use crate::grid::{DicedMesh, PlanarMesh};
 
 /// How much farther than vertices, whose coordinates are up to `M`, any tree over them may store bounds.
 ///
-/// In a frame, coordinates at keys are up to `sqrt(3) M`. In one that turns ([`super::turn`]) a bow is up to `5.5 M`, and adds up to a
-/// quarter of that at keys inside the shutter: 3.2. A chord that ends at the other side is raised by both until it is there,
+/// In a frame, coordinates at keys are up to `sqrt(3) M`. In one that turns ([`super::turn`]) a bow of several keys is up to `5.5 M`, and
+/// adds up to a quarter of that at keys inside the shutter: 3.2. A chord that ends at the other side is raised by both until it is there,
 /// 4.9, and so may end at 6.7. Between keys the axis turns by up to 1.62 while vertices go `2 sqrt(3) M`, a quarter of which is
-/// 1.4, and another quarter of the bow may be left where it does not go straight: 9.5. Bounds that are packed end up to two
-/// steps of 255 farther out, of an extent of up to 19: 9.65.
+/// 1.4, and another quarter of the bow may be left where it does not go straight: 9.5. Packing adds
+/// what it rounds.
 pub const STORED: f32 = 10.0;
 
 /// See the module's text.

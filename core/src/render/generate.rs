@@ -12,7 +12,7 @@ use crate::film::tile::Tile;
 use crate::sample::{Coordinates, Patterns, PixelSampler, SIDE_BY_SIDE};
 use crate::trace::Ray;
 
-/// Side of the pixel block whose rays are traced together, where each instant has few of them.
+/// Side of the pixel block whose rays are drawn together, and traced together but for [`is_sorted_as_one`], where each instant has few of them.
 const BLOCK: u32 = 8;
 /// The same where four samples of each pixel fill a packet.
 const SMALL_BLOCK: u32 = 4;

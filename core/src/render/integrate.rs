@@ -1,6 +1,6 @@
 //! Samples of one tile: trace, shade, film; [`super::generate`] draws them.
 //!
-//! Rays are traced in packets from one small pixel block, near each other in time, or from one place of a large surface. Transparent surfaces
+//! Rays are traced in packets from one small pixel block, or a tile, near each other in time, or from one place of a large surface. Transparent surfaces
 //! are composited front to back by asking for the next hit after the last, up to [`MAX_LAYERS`].
 
 use std::ops::Range;
@@ -89,8 +89,8 @@ impl<'a> Integrator<'a> {
         let mut primvars = PrimvarSample::new(self.keeps);
         let (mut jobs, mut blocks, mut found) = (Vec::new(), Vec::new(), Vec::new());
         let as_one = is_sorted_as_one(drawn.samples.len(), self.generator.has_time);
-        // A tile's rays together where their order is looked for, while caches hold fewer for longer.
-        let together = as_one || self.by_surface && !CULL;
+        // A tile's rays together where they are sorted or their order is looked for, while caches hold fewer for longer.
+        let together = !CULL && (as_one || self.by_surface);
         let mut pixels = self.generator.blocks(&drawn).peekable();
         while let Some(block) = pixels.next() {
             let begin = jobs.len();

@@ -64,7 +64,7 @@ impl Deferred {
             .map_or(self.expected_bytes, |made| made.mesh().position_bytes())
     }
 
-    /// As [`ObjectGeometry::radius`], or more.
+    /// Bounds the magnitude of coordinates, over time. The object, once it is made, has a radius of its own, which rays are prepared by.
     pub fn radius(&self) -> f32 {
         self.bounds.max_abs() * STORED
     }

@@ -1,4 +1,4 @@
-// Where the point that was hit goes in the image while the shutter is open; the twin of core's Camera::project and World::position.
+// Where the point that was hit goes in the image while the shutter is open; the twin of core's camera::Projector and World::end_positions.
 
 // Where it is at a time.
 fn position_at(instance: Instance, object: Object, cell: Cell, time: f32) -> vec3<f32> {
