@@ -112,9 +112,16 @@ pub trait Simd: Copy + Debug {
         to: &mut [f32; 8],
         words_to: &mut [u32; 8],
     );
-    /// The number of the smallest of those lanes whose bits are set, 7 where there are none. What is smaller by less than 8
-    /// units in the last place may come after, NaN comes after all numbers, and what has a sign, -0 too, after all that.
-    fn smallest(self, mask: u32, x: Self::F8) -> usize;
+    /// [`Simd::kept`], the largest first. By their bits, so what has a sign comes before all that has none; what is larger by less
+    /// than 8 units in the last place may come after.
+    fn falling(
+        self,
+        mask: u32,
+        x: Self::F8,
+        words: &[u32; 8],
+        to: &mut [f32; 8],
+        words_to: &mut [u32; 8],
+    );
     /// 16 copies.
     fn all16(self, x: f32) -> Self::F16;
     /// 16 lanes.

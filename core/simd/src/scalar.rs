@@ -215,12 +215,31 @@ impl Simd for Scalar {
         }
     }
     #[inline]
-    fn smallest(self, mask: u32, x: Array<8>) -> usize {
-        let key = |i: usize| match mask >> i & 1 {
-            1 => x.0[i].to_bits() & !7 | i as u32,
-            _ => u32::MAX,
-        };
-        (0..8).map(key).fold(u32::MAX, u32::min) as usize & 7
+    fn falling(
+        self,
+        mask: u32,
+        x: Array<8>,
+        words: &[u32; 8],
+        to: &mut [f32; 8],
+        words_to: &mut [u32; 8],
+    ) {
+        let mut keys = [0; 8];
+        let mut count = 0;
+        for i in (0..8).filter(|i| mask >> i & 1 == 1) {
+            // Sorted in as they come.
+            let key = x.0[i].to_bits() & !7 | i as u32;
+            let at = keys[..count]
+                .iter()
+                .take_while(|&&other| other > key)
+                .count();
+            keys[at..=count].rotate_right(1);
+            keys[at] = key;
+            count += 1;
+        }
+        for (k, key) in keys[..count].iter().enumerate() {
+            let i = *key as usize & 7;
+            (to[k], words_to[k]) = (x.0[i], words[i]);
+        }
     }
     #[inline]
     fn all16(self, x: f32) -> Array<16> {

@@ -109,9 +109,13 @@ impl Kernel for Everything {
         // Also lanes that are equal but for the last bits, and negative ones.
         let mut near = a8;
         near[self.seed as usize & 7] = near[self.seed as usize >> 3 & 7].next_up();
-        out.push(s.smallest(mask, s.from8(&near)) as u32);
-        out.push(s.smallest(mask, s.from8(&near.map(f32::abs))) as u32);
-        out.push(s.smallest(0, s.from8(&near)) as u32);
+        for near in [near, near.map(f32::abs), [0.0; 8]] {
+            let (mut falling, mut words) = ([0.0; 8], [0; 8]);
+            let own = b8.map(f32::to_bits);
+            s.falling(mask, s.from8(&near), &own, &mut falling, &mut words);
+            out.extend(falling[..count].iter().map(|x| x.to_bits()));
+            out.extend(words[..count].iter().copied());
+        }
         let less = a16.lt(s.swapped(a16));
         let (less, equal) = (less | s.swapped(a16).lt(a16), b16.le(-s.swapped(b16)));
         let bits = s.more_bits(s.no_bits(), less, 63);
@@ -211,29 +215,35 @@ impl Kernel for MulAdd {
 }
 
 #[test]
-fn the_smallest_is_one_of_those_asked_for() {
+fn lanes_that_are_asked_for_fall() {
     let (inf, nan) = (f32::INFINITY, f32::NAN);
-    let sorted = [
-        0.0,
-        1e-30,
-        0.5,
-        3.0,
-        f32::MAX,
-        inf,
-        nan,
-        -0.0,
-        -1.0,
-        -inf,
+    let falling = [
         -nan,
+        -inf,
+        -1.0,
+        -0.0,
+        nan,
+        inf,
+        f32::MAX,
+        3.0,
+        0.5,
+        1e-30,
+        0.0,
     ];
-    for turn in 0..sorted.len() {
-        let order: [usize; 8] = std::array::from_fn(|i| (i * 7 + turn) % sorted.len());
-        let x = Scalar.from8(&order.map(|i| sorted[i]));
-        assert_eq!(Scalar.smallest(0, x), 7);
-        for mask in 1..256u32 {
+    for turn in 0..falling.len() {
+        let order: [usize; 8] = std::array::from_fn(|i| (i * 7 + turn) % falling.len());
+        let x = Scalar.from8(&order.map(|i| falling[i]));
+        for mask in 0..256u32 {
             let some = (0..8).filter(|i| mask >> i & 1 == 1);
-            let least = some.min_by_key(|&i| order[i]);
-            assert_eq!(Some(Scalar.smallest(mask, x)), least, "{order:?} {mask:b}");
+            let mut some: Vec<usize> = some.map(|i| order[i]).collect();
+            some.sort_unstable();
+            let (mut found, mut words) = ([0.0; 8], [0; 8]);
+            let numbers = order.map(|i| i as u32);
+            Scalar.falling(mask, x, &numbers, &mut found, &mut words);
+            for (k, &i) in some.iter().enumerate() {
+                assert_eq!(words[k], i as u32, "{order:?} {mask:b}");
+                assert_eq!(found[k].to_bits(), falling[i].to_bits());
+            }
         }
     }
 }

@@ -18,6 +18,9 @@ use crate::bvh::{Bounds8, Tree};
 /// Rays that take turns.
 const TURNS: usize = 16;
 
+/// A bit for each of their tracks.
+const ALL: u32 = (1 << TURNS) - 1;
+
 /// Room for rays that take turns.
 pub struct Turns([Track; TURNS]);
 
@@ -39,17 +42,6 @@ impl Numbers {
         numbers: [0; TURNS],
         count: 0,
     };
-
-    /// Those whose bits are set.
-    #[inline(always)]
-    fn of(mut bits: u32) -> Self {
-        let mut some = Self::NONE;
-        while bits != 0 {
-            some.push(bits.trailing_zeros() as usize, true);
-            bits &= bits - 1;
-        }
-        some
-    }
 
     /// Number `k` of them.
     #[inline(always)]
@@ -135,14 +127,13 @@ pub(super) fn walk_scattered<S: Simd, B: Bounds8>(
     let mut left_out = 0;
     let mut rest = packet.sound;
     let mut items = Reached::NONE;
-    // Tracks on which a ray is, those whose rays are done, which the next take, and the one that each ray had.
-    let mut live = Numbers::of((1 << TURNS) - 1);
-    let mut done = (1u32 << TURNS) - 1;
+    // Tracks without a ray, which the next take, and the track that each ray had.
+    let mut idle = ALL;
     let mut track_of = [0u8; PACKET];
     loop {
-        while rest != 0 && done != 0 {
-            let number = done.trailing_zeros() as usize & (TURNS - 1);
-            done &= done - 1;
+        while rest != 0 && idle != 0 {
+            let number = idle.trailing_zeros() as usize & (TURNS - 1);
+            idle &= idle - 1;
             let ray = rest.trailing_zeros() as usize & (PACKET - 1);
             rest &= rest - 1;
             track_of[ray] = number as u8;
@@ -150,21 +141,20 @@ pub(super) fn walk_scattered<S: Simd, B: Bounds8>(
             track.start(simd, tree.root, ray, packet.slabs, B::MOVING);
             track.look(simd, queries);
         }
-        if done != 0 {
-            let mut left = 0;
-            for k in 0..live.count {
-                left |= 1 << live.get(k);
-            }
-            live = Numbers::of(left & !done);
-            done = 0;
-        }
-        if live.count == 0 {
+        if idle == ALL {
             return left_out;
         }
+        queries.counts.node_tests += u64::from((ALL & !idle).count_ones());
         // Nodes.
         let mut with_items = Numbers::NONE;
-        for k in 0..live.count {
-            let track = &mut tracks[live.get(k)];
+        for (number, track) in tracks.iter_mut().enumerate() {
+            if idle >> number & 1 == 1 {
+                continue;
+            }
+            if queries.each {
+                let (v, lane) = split(track.ray);
+                queries.nodes[v][lane] += 1.0;
+            }
             let node = &tree.nodes[track.at as usize];
             let laid = if node.frame == 0 {
                 &track.own
@@ -178,14 +168,7 @@ pub(super) fn walk_scattered<S: Simd, B: Bounds8>(
                 &track.turned
             };
             laid.test(simd, node, &track.span, &mut track.tested);
-            with_items.push(live.get(k), track.tested.items != 0);
-        }
-        queries.counts.node_tests += live.count as u64;
-        if queries.each {
-            for k in 0..live.count {
-                let (v, lane) = split(tracks[live.get(k)].ray);
-                queries.nodes[v][lane] += 1.0;
-            }
+            with_items.push(number, track.tested.items != 0);
         }
         // Diagonals.
         items.count = 0;
@@ -201,11 +184,13 @@ pub(super) fn walk_scattered<S: Simd, B: Bounds8>(
             items.push(simd, own, &node.children, track);
         }
         // Stacks.
-        for k in 0..live.count {
-            let track = &mut tracks[live.get(k)];
+        for (number, track) in tracks.iter_mut().enumerate() {
+            if idle >> number & 1 == 1 {
+                continue;
+            }
             let node = &tree.nodes[track.at as usize];
-            let step = track.step(simd, &node.children, !queries.any);
-            done |= u32::from(step.unwrap_or(true)) << live.get(k);
+            let step = track.step(simd, &node.children);
+            idle |= u32::from(step.unwrap_or(true)) << number;
             if step.is_none() {
                 left_out |= 1 << track.ray;
             }
@@ -218,7 +203,7 @@ pub(super) fn walk_scattered<S: Simd, B: Bounds8>(
             found &= found - 1;
             let number = usize::from(track_of[ray]) & (TURNS - 1);
             let track = &mut tracks[number];
-            if track.ray != ray || done >> number & 1 == 1 {
+            if track.ray != ray || idle >> number & 1 == 1 {
                 // It is done, or was before, and another has its track.
                 continue;
             }
@@ -227,7 +212,7 @@ pub(super) fn walk_scattered<S: Simd, B: Bounds8>(
             track.look(simd, queries);
             track.drop_behind(simd, t_max);
             // It looks no more.
-            done |= u32::from(t_max == f32::NEG_INFINITY) << number;
+            idle |= u32::from(t_max == f32::NEG_INFINITY) << number;
         }
     }
 }

@@ -1,8 +1,6 @@
 //! A ray that takes turns with others ([`super::scattered`]) on its way through a tree: the node that is next, what was found
 //! in the one before, and the subtrees that wait.
 
-use std::hint::select_unpredictable;
-
 use hdtrapeze_simd::{Float, Mask, Simd};
 
 use super::laid::{Laid, Tested};
@@ -68,43 +66,23 @@ impl Track {
         self.span = simd.halves(simd.all8(t_min), simd.all8(t_max)).to_array();
     }
 
-    /// Takes the next subtree: the nearest of `children`, which were tested, that the ray enters, and the others wait; or one of
-    /// those that wait. True where the ray is done: there is no subtree. Nothing is given, and nothing taken, where 8 more may have no room.
-    ///
-    /// What is next does not go by way of the stack, so that it is known soon.
+    /// The subtrees among `children`, which were tested, that the ray enters wait, and the last that waits is taken: the nearest
+    /// of these, where there are some. True where the ray is done: there is no subtree. Nothing is given, and nothing taken, where 8
+    /// more may have no room.
     #[inline(always)]
-    pub fn step<S: Simd>(&mut self, simd: S, children: &[u32; 8], sorted: bool) -> Option<bool> {
+    pub fn step<S: Simd>(&mut self, simd: S, children: &[u32; 8]) -> Option<bool> {
         let (inner, near) = (self.tested.inner, simd.from8(&self.tested.near));
-        let none = inner == 0;
-        let nearest = simd.smallest(inner, near) & 7;
-        let others = inner & !(1 << nearest);
         let first = self.waiting;
-        // What is taken where there is no child: the nearest of the last 8 that wait where these are `sorted`, else the last.
-        // Without meaning where none wait.
-        let from = first.saturating_sub(8);
-        let last = first.saturating_sub(1) & (DEPTH - 1);
-        let mut waits = last;
-        if sorted && let Some(eight) = self.near.get(from..).and_then(<[f32]>::first_chunk) {
-            let nearest = simd.smallest((1 << (first - from)) - 1, simd.from8(eight));
-            waits = (from + nearest) & (DEPTH - 1);
-        }
-        let nodes = self
-            .nodes
-            .get_mut(first..)
-            .and_then(<[u32]>::first_chunk_mut)?;
-        let distances = self
-            .near
-            .get_mut(first..)
-            .and_then(<[f32]>::first_chunk_mut)?;
-        simd.kept(others, near, children, distances, nodes);
-        // The last takes the place of the one that is taken.
-        let node = self.nodes[waits];
-        let kept = select_unpredictable(none, last, waits);
-        (self.nodes[waits], self.near[waits]) = (self.nodes[kept], self.near[kept]);
-        self.at = select_unpredictable(none, node, children[nearest]);
-        let count = others.count_ones() as usize;
-        self.waiting = select_unpredictable(none, last, first + count);
-        Some(none && first == 0)
+        let nodes = self.nodes.get_mut(first..);
+        let nodes = nodes.and_then(<[u32]>::first_chunk_mut)?;
+        let distances = self.near.get_mut(first..);
+        let distances = distances.and_then(<[f32]>::first_chunk_mut)?;
+        simd.falling(inner, near, children, distances, nodes);
+        let count = first + inner.count_ones() as usize;
+        self.waiting = count.saturating_sub(1);
+        // Without meaning where none waits.
+        self.at = self.nodes[self.waiting & (DEPTH - 1)];
+        Some(count == 0)
     }
 
     /// Drops subtrees that begin behind `t_max`.
@@ -162,40 +140,25 @@ mod tests {
                 left.retain(|&(_, near)| near <= 0.7);
                 track.drop_behind(simd, 0.7);
                 assert_eq!(waiting(&track), left);
-                // The next is one of all, and the others wait.
-                for sorted in [true, false] {
-                    let mut before = waiting(&track);
-                    track.tested.inner = inner;
-                    track.tested.near = std::array::from_fn(|_| unit(state));
-                    let some = (0..8).filter(|i| inner >> i & 1 == 1);
-                    let entered = some.map(|i| (children[i], track.tested.near[i]));
-                    let entered: Vec<(u32, f32)> = entered.collect();
-                    let last = before.len().saturating_sub(if sorted { 8 } else { 1 });
-                    let among = if inner == 0 {
-                        &before[last..]
-                    } else {
-                        &entered[..]
-                    };
-                    let nearest = among.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1));
-                    let Some(done) = track.step(simd, &children, sorted) else {
-                        assert!(before.len() > DEPTH - 8);
-                        continue;
-                    };
-                    assert_eq!(done, nearest.is_none());
-                    let mut after = waiting(&track);
-                    if let Some((_, least)) = nearest {
-                        // Which one, where some are all but equal, is left open.
-                        let next = |&&(node, near): &&(u32, f32)| {
-                            node == track.at && near <= least * (1.0 + 1e-6)
-                        };
-                        after.extend(among.iter().find(next));
-                    }
-                    before.extend(entered);
-                    let key = |&(node, near): &(u32, f32)| (node, near.to_bits());
-                    before.sort_by_key(key);
-                    after.sort_by_key(key);
-                    assert_eq!(after, before);
+                // The next is the nearest of those that were entered, or else the last; the others wait.
+                let before = waiting(&track);
+                track.tested.inner = inner;
+                track.tested.near = std::array::from_fn(|_| unit(state));
+                let some = (0..8).filter(|i| inner >> i & 1 == 1);
+                let mut all: Vec<(u32, f32)> =
+                    some.map(|i| (children[i], track.tested.near[i])).collect();
+                all.sort_by(|a, b| b.1.total_cmp(&a.1));
+                all.splice(0..0, before.iter().copied());
+                let next = all.pop();
+                let Some(done) = track.step(simd, &children) else {
+                    assert!(before.len() > DEPTH - 8);
+                    continue;
+                };
+                assert_eq!(done, next.is_none());
+                if let Some((node, _)) = next {
+                    assert_eq!(track.at, node);
                 }
+                assert_eq!(waiting(&track), all);
             }
         }
     }

@@ -5,8 +5,8 @@ use std::ops::{Add, BitAnd, BitOr, Mul, Neg, Sub};
 
 use super::avx2_apart;
 use super::eight::{
-    BIT, F256, M256, all8, bytes_in_turns, bytes8, eight_unzipped, from8, halves_swapped,
-    high_bits, keys, least_key, mask8, ordered, outward8, transposed,
+    BIT, F256, M256, all8, bytes_in_turns, bytes8, eight_unzipped, falling, from8, halves_swapped,
+    high_bits, keys, mask8, ordered, outward8, transposed,
 };
 use super::rows::{expect, expect_lattice, long_rows, rows, within};
 use crate::{Float, Mask, Part, Simd, scalar};
@@ -290,11 +290,18 @@ impl Simd for Avx2 {
         });
     }
     #[inline(always)]
-    fn smallest(self, mask: u32, x: F256) -> usize {
+    fn falling(
+        self,
+        mask: u32,
+        x: F256,
+        words: &[u32; 8],
+        to: &mut [f32; 8],
+        words_to: &mut [u32; 8],
+    ) {
         x86!({
-            let others = _mm256_xor_ps(mask8(mask).0, _mm256_castsi256_ps(_mm256_set1_epi32(-1)));
-            least_key(_mm256_or_si256(keys(x), _mm256_castps_si256(others)))
-        })
+            let keys = _mm256_and_si256(keys(x), _mm256_castps_si256(mask8(mask).0));
+            falling(keys, x, words, to, words_to);
+        });
     }
     #[inline(always)]
     fn all16(self, x: f32) -> Pair {

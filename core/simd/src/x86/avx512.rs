@@ -6,8 +6,8 @@ use std::ops::{Add, BitAnd, BitOr, Mul, Neg, Sub};
 use super::avx2::Pair;
 use super::avx512_apart;
 use super::eight::{
-    BIT, F256, M256, all8, bytes_in_turns, bytes8, eight_unzipped, four_pairs, from8,
-    halves_swapped, high_bits, keys, least_key, mask8, ordered, outward8, transposed,
+    BIT, F256, M256, all8, bytes_in_turns, bytes8, eight_unzipped, falling, four_pairs, from8,
+    halves_swapped, high_bits, keys, mask8, ordered, outward8, transposed,
 };
 use super::rows::{expect, expect_lattice, long_rows, rows, within};
 use crate::{Float, Mask, Part, Simd};
@@ -305,12 +305,18 @@ impl Simd for Avx512 {
         });
     }
     #[inline(always)]
-    fn smallest(self, mask: u32, x: F256) -> usize {
-        x86!(least_key(_mm256_mask_mov_epi32(
-            _mm256_set1_epi32(-1),
-            mask as u8,
-            keys(x)
-        )))
+    fn falling(
+        self,
+        mask: u32,
+        x: F256,
+        words: &[u32; 8],
+        to: &mut [f32; 8],
+        words_to: &mut [u32; 8],
+    ) {
+        x86!({
+            let keys = _mm256_maskz_mov_epi32(mask as u8, keys(x));
+            falling(keys, x, words, to, words_to);
+        });
     }
     #[inline(always)]
     fn all16(self, x: f32) -> F512 {

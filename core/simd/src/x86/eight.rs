@@ -175,7 +175,7 @@ pub(super) fn mask8(bits: u32) -> M256 {
     })
 }
 
-/// For [`least_key`]: 8 floats, whose lowest bits are the lanes' numbers.
+/// 8 floats by their bits, whose lowest are the lanes' numbers.
 #[inline(always)]
 pub(super) fn keys(x: F256) -> __m256i {
     x86!({
@@ -185,19 +185,40 @@ pub(super) fn keys(x: F256) -> __m256i {
     })
 }
 
-/// The lane's number in the least of 8 keys.
+/// Lanes that are compared hold each other's key: those of `LOW` take the smaller one.
 #[inline(always)]
-pub(super) fn least_key(keys: __m256i) -> usize {
-    let least = x86!({
-        let least = _mm_min_epu32(
-            _mm256_castsi256_si128(keys),
-            _mm256_extracti128_si256::<1>(keys),
-        );
-        let least = _mm_min_epu32(least, _mm_shuffle_epi32::<0b01_00_11_10>(least));
-        let least = _mm_min_epu32(least, _mm_shuffle_epi32::<0b10_11_00_01>(least));
-        _mm_cvtsi128_si32(least)
+fn exchanged<const LOW: i32>(keys: __m256i, others: __m256i) -> __m256i {
+    x86!(_mm256_blend_epi32::<LOW>(
+        _mm256_max_epu32(keys, others),
+        _mm256_min_epu32(keys, others)
+    ))
+}
+
+/// Writes floats and words in the order in which `keys`, made by [`keys`] or 0, fall. Those that are 0 come last, and all but the
+/// first of these stand for nothing.
+#[inline(always)]
+pub(super) fn falling(
+    keys: __m256i,
+    x: F256,
+    words: &[u32; 8],
+    to: &mut [f32; 8],
+    words_to: &mut [u32; 8],
+) {
+    // Pairs are sorted, then fours, then eights, after Batcher.
+    let pairs = |k| exchanged::<0b1010_1010>(k, x86!(_mm256_shuffle_epi32::<0b10_11_00_01>(k)));
+    let fours = |k| exchanged::<0b1100_1100>(k, x86!(_mm256_shuffle_epi32::<0b01_00_11_10>(k)));
+    let mirrored = |k| x86!(_mm256_shuffle_epi32::<0b00_01_10_11>(k));
+    let k = pairs(keys);
+    let k = pairs(exchanged::<0b1100_1100>(k, mirrored(k)));
+    let others = x86!(_mm256_permute4x64_epi64::<0b01_00_11_10>(mirrored(k)));
+    let k = pairs(fours(exchanged::<0b1111_0000>(k, others)));
+    x86!({
+        let words = _mm256_loadu_si256(words.as_ptr().cast());
+        // Of a key, what is above the lane's number does not count here.
+        _mm256_storeu_ps(to.as_mut_ptr(), _mm256_permutevar8x32_ps(x.0, k));
+        let words = _mm256_permutevar8x32_epi32(words, k);
+        _mm256_storeu_si256(words_to.as_mut_ptr().cast(), words);
     });
-    least as usize & 7
 }
 
 #[inline(always)]
