@@ -81,7 +81,12 @@ impl Laid {
         span: &Lanes,
         tested: &mut Tested,
     ) {
-        let planes = self.planes(simd, &node.bounds);
+        let mut planes = self.at_start(simd, &node.bounds);
+        if B::MOVING {
+            let [x, y, z] = planes;
+            tested.at_start = [x.to_array(), y.to_array(), z.to_array()];
+            self.add_end(simd, &node.bounds, &mut planes);
+        }
         let [x, y, z] = planes;
         let [near, far] = simd.of_halves(x.max(y).max(z.max(simd.from16(span))));
         let mask = near.le(-far).bits() & node.valid();
@@ -101,11 +106,9 @@ impl Laid {
     ) -> u32 {
         let (start, end) = (node.bounds.start(), node.bounds.end());
         let diagonals = Diagonals::of(node.slots, node.at_end, start, end);
-        let [x, y, z] = &tested.planes;
-        let own = [simd.from16(x), simd.from16(y), simd.from16(z)];
-        let planes = sides(simd, &own);
+        let planes = sides(simd, &tested.planes);
         let at_start = if B::MOVING {
-            sides(simd, &self.at_start(simd, &node.bounds))
+            sides(simd, &tested.at_start)
         } else {
             planes
         };
@@ -116,22 +119,18 @@ impl Laid {
         tested.items & !(passed & some)
     }
 
-    /// Where the ray meets the planes of 8 children.
+    /// Adds what the end of the shutter has in them, but for its origin.
     #[inline(always)]
-    fn planes<S: Simd, B: Bounds8>(&self, simd: S, bounds: &B) -> Planes<S::F16> {
-        let mut planes = self.at_start(simd, bounds);
-        if B::MOVING {
-            let end = bounds.end();
-            for (a, plane) in planes.iter_mut().enumerate() {
-                let scale = simd.all16(end.step[a]) * simd.from16(&self.to_end[a]);
-                let numbers = self.numbers(simd, &end.planes[a], a);
-                *plane = numbers.mul_add(scale, *plane);
-            }
+    fn add_end<S: Simd, B: Bounds8>(&self, simd: S, bounds: &B, planes: &mut Planes<S::F16>) {
+        let end = bounds.end();
+        for (a, plane) in planes.iter_mut().enumerate() {
+            let scale = simd.all16(end.step[a]) * simd.from16(&self.to_end[a]);
+            let numbers = self.numbers(simd, &end.planes[a], a);
+            *plane = numbers.mul_add(scale, *plane);
         }
-        planes
     }
 
-    /// What the start of the shutter has in them, and the origin of both ends.
+    /// Where the ray meets the planes of 8 children: what the start of the shutter has in them, and the origin of both ends.
     #[inline(always)]
     fn at_start<S: Simd, B: Bounds8>(&self, simd: S, bounds: &B) -> Planes<S::F16> {
         let (start, end) = (bounds.start(), bounds.end());
@@ -166,10 +165,10 @@ fn halves<S: Simd>(simd: S, near: f32, far: f32) -> Lanes {
 
 /// Near and far planes.
 #[inline(always)]
-fn sides<S: Simd>(simd: S, planes: &Planes<S::F16>) -> Planes8<S::F8> {
+fn sides<S: Simd>(simd: S, planes: &[Lanes; 3]) -> Planes8<S::F8> {
     let mut out = [[simd.all8(0.0); 2]; 3];
     for (out, planes) in out.iter_mut().zip(planes) {
-        let [near, far] = simd.of_halves(*planes);
+        let [near, far] = simd.of_halves(simd.from16(planes));
         *out = [near, -far];
     }
     out
@@ -180,6 +179,8 @@ fn sides<S: Simd>(simd: S, planes: &Planes<S::F16>) -> Planes8<S::F8> {
 #[repr(C, align(64))]
 pub struct Tested {
     planes: [Lanes; 3],
+    /// The same, but for what the end of the shutter has in them besides its origin; without meaning where nothing moves.
+    at_start: [Lanes; 3],
     /// Where the ray enters each child.
     pub near: [f32; 8],
     /// Those that are nodes.
@@ -193,6 +194,7 @@ impl Tested {
     pub const fn filled(x: f32) -> Self {
         Self {
             planes: [[x; LANES]; 3],
+            at_start: [[x; LANES]; 3],
             near: [x; 8],
             inner: u32::MAX,
             items: u32::MAX,
