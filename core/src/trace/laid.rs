@@ -1,6 +1,7 @@
 //! A ray laid out for slab tests against 8 children: near planes in the first half of a vector, far planes, mirrored, in the
-//! second. A plane's number and its origin are multiplied by what the ray has for both halves and added up, and the latest near plane
-//! and the earliest far one are one maximum.
+//! second. What all planes of an axis have in them, and what their numbers are multiplied by, is one product and one sum for all axes
+//! and both halves; from there it is spread over the children. The latest near plane and the earliest far one are one maximum.
+//! Some processors slow down, and for longer than that takes, where products of 16 floats follow each other closely: there are few.
 //!
 //! A plane's terms are those of [`crate::bvh::node::SlabRay`], for which [`super::object_ray`] derives pads, but the ray's own comes first:
 //! the three sums before the last are of up to R + |o|, at most `20 R + 8 |o|` for all terms in place of `20 R + 7 |o|`. In a
@@ -13,18 +14,16 @@ use crate::bvh::Bounds8;
 use crate::bvh::diagonal::{CHILDREN, Diagonals, PADS, Planes8, Sight, passed_by};
 use crate::bvh::node::Node;
 
-/// Near planes in the first half, far planes, mirrored, in the second, by axis: distances along the ray.
-type Planes<F> = [F; 3];
-
 /// A ray in the frame of a node.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 pub struct Laid {
-    /// What planes at the start of the shutter are multiplied by, and those at its end.
-    to_start: [Lanes; 3],
-    to_end: [Lanes; 3],
-    /// What is added.
-    base: [Lanes; 3],
+    /// By axis, in each half: what origins at the start of the shutter are multiplied by, and steps again; the last two are 0.
+    to_start: Lanes,
+    /// The same at its end.
+    to_end: Lanes,
+    /// By axis, in each half: what is added.
+    base: Lanes,
     /// The order of planes, which are lower ones before upper ones: near ones before far ones.
     order: [[u8; 16]; 3],
     /// For diagonals.
@@ -35,9 +34,9 @@ impl Laid {
     /// The same numbers everywhere.
     pub const fn filled(x: f32) -> Self {
         Self {
-            to_start: [[x; LANES]; 3],
-            to_end: [[x; LANES]; 3],
-            base: [[x; LANES]; 3],
+            to_start: [x; LANES],
+            to_end: [x; LANES],
+            base: [x; LANES],
             order: [ORDERS[0]; 3],
             sight: Sight {
                 turned: [u32::MAX; 3],
@@ -51,6 +50,9 @@ impl Laid {
     #[inline(always)]
     pub fn set<S: Simd>(&mut self, simd: S, slabs: &Slabs, at: usize, moving: bool) {
         let (v, lane) = split(at);
+        let mut start = [0.0; 3];
+        let mut end = [0.0; 3];
+        let mut base = [[0.0; 3]; 2];
         for a in 0..3 {
             let side = (slabs.negative[a] >> (at & (PACKET - 1)) & 1) as usize;
             self.order[a] = ORDERS[side];
@@ -60,16 +62,28 @@ impl Laid {
             let signed = |x: f32| f32::from_bits(x.to_bits() ^ sign);
             let to = slabs.to_start[a][v][lane];
             self.sight.scale[0][a] = to;
-            self.to_start[a] = halves(simd, signed(to), -signed(to));
+            start[a] = signed(to);
             if moving {
                 let to = slabs.to_end[a][v][lane];
                 self.sight.scale[1][a] = to;
-                self.to_end[a] = halves(simd, signed(to), -signed(to));
+                end[a] = signed(to);
             }
             let [near, far] = slabs.base[a][v][lane];
-            self.base[a] = halves(simd, near, far);
+            (base[0][a], base[1][a]) = (near, far);
             self.sight.pads[a] = (-far - near) * PADS;
         }
+        let mirrored = |x: S::F16| {
+            let [near, far] = simd.of_halves(x);
+            simd.halves(near, -far).to_array()
+        };
+        self.to_start = mirrored(simd.sixes(&start, &start));
+        if moving {
+            self.to_end = mirrored(simd.sixes(&end, &end));
+        }
+        let none = [0.0; 3];
+        let [near, _] = simd.of_halves(simd.sixes(&base[0], &none));
+        let [far, _] = simd.of_halves(simd.sixes(&base[1], &none));
+        self.base = simd.halves(near, far).to_array();
     }
 
     /// Tests the children of a node within `span`. Nothing here branches on what is found.
@@ -81,11 +95,30 @@ impl Laid {
         span: &Lanes,
         tested: &mut Tested,
     ) {
-        let mut planes = self.at_start(simd, &node.bounds);
+        let (start, end) = (node.bounds.start(), node.bounds.end());
+        // By axis, what all planes have in them; then, what their numbers are multiplied by.
+        let at_start = simd.sixes(&start.origin, &start.step);
+        let at_start = at_start.mul_add(simd.from16(&self.to_start), simd.from16(&self.base));
+        let (mut own, mut at_end) = (at_start, at_start);
         if B::MOVING {
-            let [x, y, z] = planes;
-            tested.at_start = [x.to_array(), y.to_array(), z.to_array()];
-            self.add_end(simd, &node.bounds, &mut planes);
+            let origins = simd.mask16(ORIGINS);
+            at_end = simd.sixes(&end.origin, &end.step).mul_add(
+                simd.from16(&self.to_end),
+                at_start.or(origins, simd.all16(0.0)),
+            );
+            own = at_end;
+        }
+        let mut planes = [own; 3];
+        for (a, plane) in planes.iter_mut().enumerate() {
+            let numbers = self.numbers(simd, &start.planes[a], a);
+            let scale = simd.over_halves(at_start, 3 + a);
+            *plane = numbers.mul_add(scale, simd.over_halves(own, a));
+            if B::MOVING {
+                tested.at_start[a] = plane.to_array();
+                let numbers = self.numbers(simd, &end.planes[a], a);
+                let scale = simd.over_halves(at_end, 3 + a);
+                *plane = numbers.mul_add(scale, *plane);
+            }
         }
         let [x, y, z] = planes;
         let [near, far] = simd.of_halves(x.max(y).max(z.max(simd.from16(span))));
@@ -119,37 +152,6 @@ impl Laid {
         tested.items & !(passed & some)
     }
 
-    /// Adds what the end of the shutter has in them, but for its origin.
-    #[inline(always)]
-    fn add_end<S: Simd, B: Bounds8>(&self, simd: S, bounds: &B, planes: &mut Planes<S::F16>) {
-        let end = bounds.end();
-        for (a, plane) in planes.iter_mut().enumerate() {
-            let scale = simd.all16(end.step[a]) * simd.from16(&self.to_end[a]);
-            let numbers = self.numbers(simd, &end.planes[a], a);
-            *plane = numbers.mul_add(scale, *plane);
-        }
-    }
-
-    /// Where the ray meets the planes of 8 children: what the start of the shutter has in them, and the origin of both ends.
-    #[inline(always)]
-    fn at_start<S: Simd, B: Bounds8>(&self, simd: S, bounds: &B) -> Planes<S::F16> {
-        let (start, end) = (bounds.start(), bounds.end());
-        let [x, y, z] = &self.base;
-        let mut planes = [simd.from16(x), simd.from16(y), simd.from16(z)];
-        for (a, plane) in planes.iter_mut().enumerate() {
-            let origin = simd.all16(start.origin[a]);
-            *plane = origin.mul_add(simd.from16(&self.to_start[a]), *plane);
-            if B::MOVING {
-                let origin = simd.all16(end.origin[a]);
-                *plane = origin.mul_add(simd.from16(&self.to_end[a]), *plane);
-            }
-            let scale = simd.all16(start.step[a]) * simd.from16(&self.to_start[a]);
-            let numbers = self.numbers(simd, &start.planes[a], a);
-            *plane = numbers.mul_add(scale, *plane);
-        }
-        planes
-    }
-
     /// Numbers of the planes along axis `a`: near, then far.
     #[inline(always)]
     fn numbers<S: Simd>(&self, simd: S, planes: &[[u8; 8]; 2], a: usize) -> S::F16 {
@@ -157,11 +159,8 @@ impl Laid {
     }
 }
 
-/// The first 8 numbers alike, and the last.
-#[inline(always)]
-fn halves<S: Simd>(simd: S, near: f32, far: f32) -> Lanes {
-    simd.halves(simd.all8(near), simd.all8(far)).to_array()
-}
+/// Lanes of origins.
+const ORIGINS: u32 = 0b111 << 8 | 0b111;
 
 /// Near and far planes.
 #[inline(always)]
