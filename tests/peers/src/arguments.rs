@@ -71,7 +71,7 @@ pub struct Arguments {
     #[arg(long)]
     frames: bool,
 
-    /// Writes the tables there too, after each scene those that there are
+    /// Writes the tables there too, after each scene those that there are: of a run that is interrupted, these are left
     #[arg(long, value_name = "FILE")]
     pub markdown: Option<PathBuf>,
 

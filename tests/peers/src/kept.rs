@@ -5,9 +5,18 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// A file, or none where none is asked for. What was there stays until there is something to write, and whoever reads
-/// it meanwhile finds the old or the new text whole.
+/// it meanwhile finds the old or the new text whole; a link leads to the file that is written. What is no file, as a pipe or a device, is
+/// written to as it is.
 #[derive(Debug)]
-pub struct Kept(Option<[PathBuf; 2]>);
+pub struct Kept(Option<Place>);
+
+#[derive(Debug)]
+enum Place {
+    /// Where it is written first, and where it goes then.
+    File([PathBuf; 2]),
+    /// A pipe, a device, or a link to what is not there yet.
+    Other(PathBuf),
+}
 
 impl Kept {
     /// Finds out whether `file` can be written, before hours have gone into what is to be written.
@@ -15,30 +24,34 @@ impl Kept {
         let Some(file) = file else {
             return Ok(Self(None));
         };
-        if file.is_dir() {
-            return Err(format!("{}: is a folder", file.display()));
-        }
-        let part = part(file);
-        fs::File::create(&part).map_err(|e| told(file, &e))?;
-        Ok(Self(Some([part, file.into()])))
+        let file = match fs::metadata(file) {
+            Ok(there) if there.is_dir() => return Err(format!("{}: is a folder", file.display())),
+            Ok(there) if !there.is_file() => return Ok(Self(Some(Place::Other(file.into())))),
+            Ok(_) => file.canonicalize().map_err(|e| told(file, &e))?,
+            Err(_) if file.is_symlink() => return Ok(Self(Some(Place::Other(file.into())))),
+            Err(_) => file.into(),
+        };
+        let part = part(&file);
+        let created = fs::File::create(&part).and_then(|_| fs::remove_file(&part));
+        created.map_err(|e| told(&file, &e))?;
+        Ok(Self(Some(Place::File([part, file]))))
     }
 
     /// Writes what `text` gives.
     pub fn write(&self, text: impl FnOnce() -> String) -> Result<(), String> {
-        let Some([part, file]) = &self.0 else {
-            return Ok(());
+        let (written, file) = match &self.0 {
+            None => return Ok(()),
+            Some(Place::Other(file)) => (fs::write(file, text()), file),
+            Some(Place::File([part, file])) => {
+                let written = fs::write(part, text()).and_then(|()| fs::rename(part, file));
+                if written.is_err() {
+                    // What was written before is kept, a part of what is new is of no use.
+                    let _ = fs::remove_file(part);
+                }
+                (written, file)
+            }
         };
-        let written = fs::write(part, text()).and_then(|()| fs::rename(part, file));
         written.map_err(|e| told(file, &e))
-    }
-}
-
-impl Drop for Kept {
-    fn drop(&mut self) {
-        if let Some([part, _]) = &self.0 {
-            // Nothing was written since.
-            let _ = fs::remove_file(part);
-        }
     }
 }
 
@@ -71,7 +84,7 @@ fn resolved(file: &Path) -> PathBuf {
 }
 
 fn told(file: &Path, e: &std::io::Error) -> String {
-    format!("{}: {e}", file.display())
+    format!("{}: cannot be written: {e}", file.display())
 }
 
 #[cfg(test)]
@@ -96,6 +109,30 @@ mod tests {
         let message = Kept::beside(Some(&folder.join("none/tables.md"))).unwrap_err();
         assert!(message.contains("tables.md"), "{message}");
         assert!(Kept::beside(Some(&folder)).is_err());
+        fs::remove_dir_all(&folder).unwrap();
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn links_and_devices_stay_what_they_are() {
+        let folder = std::env::temp_dir().join(format!("peers-links-{}", std::process::id()));
+        fs::create_dir_all(folder.join("in")).unwrap();
+        let (link, file) = (folder.join("link.md"), folder.join("in/tables.md"));
+        std::os::unix::fs::symlink("in/tables.md", &link).unwrap();
+        // First where there is no file yet.
+        for text in ["new", "newer"] {
+            let kept = Kept::beside(Some(&link)).unwrap();
+            kept.write(|| text.into()).unwrap();
+            assert!(link.is_symlink());
+            assert_eq!(fs::read_to_string(&file).unwrap(), text);
+        }
+        let device = Path::new("/dev/null");
+        let kept = Kept::beside(Some(device)).unwrap();
+        assert!(matches!(kept, Kept(Some(Place::Other(_)))));
+        kept.write(|| "nowhere".into()).unwrap();
+        assert!(!fs::metadata(device).unwrap().is_file());
+        assert_eq!(fs::read_dir(folder.join("in")).unwrap().count(), 1);
+        assert_eq!(fs::read_dir(&folder).unwrap().count(), 2);
         fs::remove_dir_all(&folder).unwrap();
     }
 
