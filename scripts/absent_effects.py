@@ -6,10 +6,9 @@ Builds core's example `absent_effects`, whose scenes come in pairs that differ b
 changes nothing, and runs each under callgrind (of valgrind), which counts the instructions of the
 traced or rendered part alone. Counts do not depend on what else the machine does; those of the
 memory allocator, whose lists look otherwise after a scene that was made otherwise, are left out.
-Fails where a
-pair of which the second must cost what the first does differs by more than 0.1 %, or where they do
-not test the same nodes and micropolygons. Valgrind knows no AVX-512: AVX2 and plain instructions
-are counted. Without valgrind (Debian: `apt-get install valgrind`) nothing is counted.
+Fails where a pair of which the second must cost what the first does differs by more than 0.1 %, or
+where they do not test the same nodes and micropolygons. Valgrind knows no AVX-512: AVX2 and plain
+instructions are counted. Without valgrind (Debian: `apt-get install valgrind`) nothing is counted.
 """
 
 import argparse

@@ -14,7 +14,7 @@ pub struct Kept(Option<Place>);
 enum Place {
     /// Where it is written first, and where it goes then.
     File([PathBuf; 2]),
-    /// A pipe, a device, or a link to what is not there yet.
+    /// A pipe or a device.
     Other(PathBuf),
 }
 
@@ -24,13 +24,12 @@ impl Kept {
         let Some(file) = file else {
             return Ok(Self(None));
         };
-        let file = match fs::metadata(file) {
+        match fs::metadata(file) {
             Ok(there) if there.is_dir() => return Err(format!("{}: is a folder", file.display())),
             Ok(there) if !there.is_file() => return Ok(Self(Some(Place::Other(file.into())))),
-            Ok(_) => file.canonicalize().map_err(|e| told(file, &e))?,
-            Err(_) if file.is_symlink() => return Ok(Self(Some(Place::Other(file.into())))),
-            Err(_) => file.into(),
-        };
+            _ => {}
+        }
+        let file = resolved(file);
         let part = part(&file);
         let created = fs::File::create(&part).and_then(|_| fs::remove_file(&part));
         created.map_err(|e| told(&file, &e))?;
@@ -68,18 +67,25 @@ pub fn clash(a: &Path, b: &Path) -> bool {
     a == b || a == part(&b) || part(&a) == b
 }
 
-/// The same for each spelling of a file's name, also where there is no file yet.
+/// The same for each spelling of a file's name, also where there is no file yet; of a link to it, where that leads.
 fn resolved(file: &Path) -> PathBuf {
     if let Ok(path) = file.canonicalize() {
         return path;
     }
-    let folder = match file.parent() {
-        Some(folder) if folder != Path::new("") => folder,
-        _ => Path::new("."),
-    };
-    match (folder.canonicalize(), file.file_name()) {
+    // One step: what leads on to nowhere from there is no file.
+    let target = fs::read_link(file).map(|to| folder(file).join(to));
+    let file = target.as_deref().unwrap_or(file);
+    match (folder(file).canonicalize(), file.file_name()) {
         (Ok(folder), Some(name)) => folder.join(name),
         _ => file.into(),
+    }
+}
+
+/// Where a file is.
+fn folder(file: &Path) -> &Path {
+    match file.parent() {
+        Some(folder) if folder != Path::new("") => folder,
+        _ => Path::new("."),
     }
 }
 
@@ -122,10 +128,16 @@ mod tests {
         // First where there is no file yet.
         for text in ["new", "newer"] {
             let kept = Kept::beside(Some(&link)).unwrap();
+            assert!(clash(&link, &file));
             kept.write(|| text.into()).unwrap();
             assert!(link.is_symlink());
             assert_eq!(fs::read_to_string(&file).unwrap(), text);
         }
+        // What cannot be written is found first through a link, too.
+        let astray = folder.join("astray.md");
+        std::os::unix::fs::symlink("none/tables.md", &astray).unwrap();
+        assert!(Kept::beside(Some(&astray)).is_err());
+        fs::remove_file(&astray).unwrap();
         let device = Path::new("/dev/null");
         let kept = Kept::beside(Some(device)).unwrap();
         assert!(matches!(kept, Kept(Some(Place::Other(_)))));
