@@ -154,15 +154,10 @@ impl CellRay {
             let second = bit as usize >= LANES;
             let l = bit as usize % LANES;
             let (r, c) = (l >> 2, l & 3);
-            let corners = simd.corners(bit as usize).map(
+            let corners = corners(
+                simd.corners(bit as usize),
                 #[inline(always)]
-                |i| {
-                    [
-                        f64::from(x[i & 15]),
-                        f64::from(y[i & 15]),
-                        f64::from(z[i & 15]),
-                    ]
-                },
+                |i| [x[i & 15], y[i & 15], z[i & 15]],
             );
             if CULL && hidden.is_some_and(|side| side == seen(corners, self.dir_z)) {
                 continue;
@@ -196,6 +191,18 @@ pub(super) fn maybe_hit<S: Simd>(
     let zero = simd.all16(0.0);
     let mixed = ab.min(bc).min(ca).lt(zero) & zero.lt(ab.max(bc).max(ca));
     !mixed.bits()
+}
+
+/// The corners `numbers` of a triangle, of which `vertex` gives each.
+#[inline(always)]
+pub(super) fn corners([a, b, c]: [usize; 3], vertex: impl Fn(usize) -> [f32; 3]) -> [[f64; 3]; 3] {
+    let ([ax, ay, az], [bx, by, bz], [cx, cy, cz]) = (vertex(a), vertex(b), vertex(c));
+    let exact = f64::from;
+    [
+        [exact(ax), exact(ay), exact(az)],
+        [exact(bx), exact(by), exact(bz)],
+        [exact(cx), exact(cy), exact(cz)],
+    ]
 }
 
 /// The exact test of one triangle of sheared vertices, the first of its cell or the second.

@@ -7,6 +7,7 @@
 
 pub mod beam;
 pub mod brute;
+mod by_direction;
 pub mod cell;
 pub mod cell_rays;
 pub mod deferred;
@@ -70,6 +71,17 @@ pub struct Ray {
     pub t_max: f32,
 }
 
+impl Ray {
+    /// Misses everything.
+    pub(crate) const NONE: Ray = Ray {
+        origin: Vec3::ZERO,
+        dir: Vec3::ZERO,
+        time: f32::NAN,
+        t_min: f32::INFINITY,
+        t_max: f32::NEG_INFINITY,
+    };
+}
+
 /// The nearest micropolygon along a ray. Hits are ordered by `(t, instance, grid, cell)`, so that
 /// the answer does not depend on traversal order, and "the next hit after this one" is defined even
 /// where surfaces coincide.
@@ -118,6 +130,13 @@ pub struct TraceCounts {
     pub node_tests: u64,
     /// Micropolygons tested.
     pub cell_tests: u64,
+}
+
+impl TraceCounts {
+    /// Nodes and micropolygons that rays were tested against.
+    pub(crate) fn tests(&self) -> u64 {
+        self.node_tests + self.cell_tests
+    }
 }
 
 impl std::ops::Add for TraceCounts {

@@ -7,7 +7,7 @@
 
 use hdtrapeze_simd::{Float, Simd};
 
-use super::cell::{CellHit, candidates, exact, lane_mask};
+use super::cell::{CellHit, candidates, corners, exact, lane_mask};
 use super::cell_rays::CellRays;
 use super::packet::{LANES, Lanes, PACKET, axes_with};
 use crate::bvh::Bounds8;
@@ -151,15 +151,10 @@ impl Pairs {
                 found &= found - 1;
                 let second = bit >= 8;
                 let (r, c) = (bit >> 2 & 1, bit & 3);
-                let corners = simd.corners(bit).map(
+                let corners = corners(
+                    simd.corners(bit),
                     #[inline(always)]
-                    |i| {
-                        [
-                            f64::from(x[i & 15]),
-                            f64::from(y[i & 15]),
-                            f64::from(z[i & 15]),
-                        ]
-                    },
+                    |i| [x[i & 15], y[i & 15], z[i & 15]],
                 );
                 if let Some(hit) = exact(corners, second, dir_z) {
                     let cell = pair.place.first + r as u32 * pair.place.nu + c as u32;

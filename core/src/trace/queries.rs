@@ -11,6 +11,10 @@ use crate::bvh::block::CellRect;
 pub(super) struct Queries {
     /// Any hit will do.
     pub any: bool,
+    /// They were put together by [direction](super::by_direction).
+    pub sorted: bool,
+    /// They came to objects that are not of strands.
+    pub surfaces: bool,
     /// The best hits; misses but for their `t`, which is `t_max`, before there are any.
     pub best: [Hit; PACKET],
     /// `t_min` of each, and `t_max` below mirrored.
@@ -33,6 +37,8 @@ impl Queries {
     /// Rays that look for nothing.
     pub const NONE: Queries = Queries {
         any: false,
+        sorted: false,
+        surfaces: false,
         best: [Hit::MISS; PACKET],
         ranges: [[[f32::INFINITY; 2]; LANES]; VECTORS],
         t_min: [[f32::INFINITY; LANES]; VECTORS],
@@ -50,6 +56,8 @@ impl Queries {
     /// What must not be read: a hit of all rays, for instance.
     pub const SPOILED: Queries = Queries {
         any: true,
+        sorted: true,
+        surfaces: true,
         best: [Hit {
             t: 0.0,
             instance: 0,
@@ -127,6 +135,7 @@ impl Queries {
     #[inline(always)]
     pub fn ask(&mut self, any: bool, each: bool, count: usize) {
         (self.any, self.each) = (any, each);
+        (self.sorted, self.surfaces) = (false, false);
         self.counts = TraceCounts {
             rays: count as u64,
             ..TraceCounts::default()

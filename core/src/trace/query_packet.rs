@@ -1,9 +1,11 @@
 //! Queries of packets: as [`super::query`] asks for one ray.
 
 use std::cell::Cell;
+use std::ops::Range;
 
 use hdtrapeze_simd::{Float, Kernel, Mask, Simd};
 
+use super::by_direction::{BATCH, by_direction};
 use super::inside::InsideMany;
 use super::late::Late;
 use super::movers::MoversMany;
@@ -21,6 +23,9 @@ thread_local! {
     static ROOM: Cell<Option<Box<Room>>> = const { Cell::new(None) };
 }
 
+/// Nodes and micropolygons that a ray is tested against, in the mean, from which on an order may save more than it costs.
+const COSTLY: u64 = 24;
+
 /// What this thread keeps.
 #[cfg(test)]
 pub(super) fn with_room<T>(f: impl FnOnce(&mut Room) -> T) -> T {
@@ -32,28 +37,70 @@ pub(super) fn with_room<T>(f: impl FnOnce(&mut Room) -> T) -> T {
     })
 }
 
+/// Where the answers to rays go.
+enum Answers<'a> {
+    Hits(&'a mut [Hit]),
+    /// Whether there is any.
+    Found(&'a mut [bool]),
+}
+
+impl Answers<'_> {
+    /// Those of some rays that follow each other.
+    fn some(&mut self, range: Range<usize>) -> Answers<'_> {
+        match self {
+            Answers::Hits(hits) => Answers::Hits(&mut hits[range]),
+            Answers::Found(found) => Answers::Found(&mut found[range]),
+        }
+    }
+
+    /// The best of all rays, which are the first, or have these `numbers`.
+    #[inline(always)]
+    fn set(self, best: &[Hit], numbers: Option<&[u16]>) {
+        let hit = |best: &Hit| if best.is_hit() { *best } else { Hit::MISS };
+        match (self, numbers) {
+            (Answers::Hits(hits), None) => {
+                for (to, best) in hits.iter_mut().zip(best) {
+                    *to = hit(best);
+                }
+            }
+            (Answers::Hits(hits), Some(numbers)) => {
+                for (&i, best) in numbers.iter().zip(best) {
+                    hits[usize::from(i)] = hit(best);
+                }
+            }
+            (Answers::Found(found), None) => {
+                for (to, best) in found.iter_mut().zip(best) {
+                    *to = best.is_hit();
+                }
+            }
+            (Answers::Found(found), Some(numbers)) => {
+                for (&i, best) in numbers.iter().zip(best) {
+                    found[usize::from(i)] = best.is_hit();
+                }
+            }
+        }
+    }
+}
+
 impl World {
     /// [`World::trace`] for many rays, best near each other in space and time; each answer is the
     /// same as alone. Traces the first `min(rays.len(), hits.len())`.
+    ///
+    /// Rays that begin near each other and go all ways, some hundred or more of them, are traced in an order of their own.
     pub fn trace_many(&self, rays: &[Ray], hits: &mut [Hit], counts: &mut TraceCounts) {
-        for (rays, hits) in rays.chunks(PACKET).zip(hits.chunks_mut(PACKET)) {
-            let count = rays.len().min(hits.len());
-            let own = self.ask_packet(&rays[..count], false, &mut hits[..count], None);
-            *counts = *counts + own;
-        }
+        let count = rays.len().min(hits.len());
+        let hits = Answers::Hits(&mut hits[..count]);
+        *counts = *counts + self.ask_many(&rays[..count], hits);
     }
 
     /// [`World::occluded`] for many rays, best near each other in space and time. Asks the first
     /// `min(rays.len(), found.len())`.
+    ///
+    /// As for [`World::trace_many`], those that go all ways are asked about in an order of their own.
     pub fn occluded_many(&self, rays: &[Ray], found: &mut [bool], counts: &mut TraceCounts) {
-        let mut hits = [Hit::MISS; PACKET];
-        for (rays, found) in rays.chunks(PACKET).zip(found.chunks_mut(PACKET)) {
-            let hits = &mut hits[..rays.len().min(found.len())];
-            *counts = *counts + self.ask_packet(&rays[..hits.len()], true, hits, None);
-            for (found, hit) in found.iter_mut().zip(hits) {
-                *found = hit.is_hit();
-            }
-        }
+        let count = rays.len().min(found.len());
+        let found = Answers::Found(&mut found[..count]);
+        *counts = *counts + self.ask_many(&rays[..count], found);
     }
 
     /// [`World::trace_many`] for up to [`PACKET`] rays, which tells what each of them cost.
@@ -62,47 +109,86 @@ impl World {
     /// The slices have different lengths, or more elements.
     pub fn trace_packet(&self, rays: &[Ray], hits: &mut [Hit], counts: &mut [TraceCounts]) {
         assert!(rays.len() <= PACKET && rays.len() == hits.len() && rays.len() == counts.len());
-        self.ask_packet(rays, false, hits, Some(counts));
+        self.ask_packet(rays, None, Answers::Hits(hits), Some(counts));
     }
 
-    /// What all rays cost; `each` hears what each of them did. Slices are of one length, at most [`PACKET`].
+    /// Asks about rays, as many as there are answers.
+    fn ask_many(&self, rays: &[Ray], mut answers: Answers<'_>) -> TraceCounts {
+        let mut counts = TraceCounts::default();
+        let mut first = 0;
+        for batch in rays.chunks(BATCH) {
+            let mut own = answers.some(first..first + batch.len());
+            first += batch.len();
+            // The first packet tells whether there is anything for which an order pays.
+            let (packet, rest) = batch.split_at(batch.len().min(PACKET));
+            let asked = self.ask_packet(packet, None, own.some(0..packet.len()), None);
+            counts = counts + asked.counts;
+            let order = match asked.surfaces && asked.counts.tests() >= COSTLY * PACKET as u64 {
+                true => by_direction(self.level, rest),
+                false => None,
+            };
+            let mut rest_of_own = own.some(packet.len()..batch.len());
+            if let Some(order) = order {
+                let mut sorted = [Ray::NONE; PACKET];
+                for numbers in order.chunks(PACKET) {
+                    for (ray, &i) in sorted.iter_mut().zip(numbers) {
+                        *ray = rest[usize::from(i)];
+                    }
+                    let all = rest_of_own.some(0..rest.len());
+                    let asked = self.ask_packet(&sorted[..numbers.len()], Some(numbers), all, None);
+                    counts = counts + asked.counts;
+                }
+            } else {
+                for (k, packet) in rest.chunks(PACKET).enumerate() {
+                    let own = rest_of_own.some(k * PACKET..k * PACKET + packet.len());
+                    counts = counts + self.ask_packet(packet, None, own, None).counts;
+                }
+            }
+        }
+        counts
+    }
+
+    /// Asks about a packet; `each` hears what each of its rays did. Slices are of one length, at most [`PACKET`], but that
+    /// answers may be those of more rays, where the packet's have these `numbers`: they were sorted by direction.
     fn ask_packet(
         &self,
         rays: &[Ray],
-        any: bool,
-        hits: &mut [Hit],
+        numbers: Option<&[u16]>,
+        answers: Answers<'_>,
         each: Option<&mut [TraceCounts]>,
-    ) -> TraceCounts {
+    ) -> Asked {
         let level = self.level;
         ROOM.with(|cell| {
             let mut room = cell.take().unwrap_or_default();
-            let counts = level.run(Many {
+            let asked = level.run(Many {
                 world: self,
                 rays,
-                any,
-                hits,
+                numbers,
+                answers,
                 each,
                 room: &mut room,
             });
             cell.set(Some(room));
-            counts
+            asked
         })
     }
 
     #[inline(always)]
-    fn query_packet<S: Simd>(&self, simd: S, asked: Many<'_>) -> TraceCounts {
+    fn query_packet<S: Simd>(&self, simd: S, asked: Many<'_>) -> Asked {
         let Many {
             rays,
-            any,
-            hits,
+            numbers,
+            answers,
             each,
             room,
             ..
         } = asked;
+        let any = matches!(answers, Answers::Found(_));
         let mut queries = room.take_queries();
         let mut space = room.take();
         room.opened.far = self.is_far();
         queries.ask(any, each.is_some(), rays.len());
+        queries.sorted = numbers.is_some();
         let packed = &mut space.rays;
         let mut lanes = 0;
         for (v, (rays, packed)) in rays.chunks(LANES).zip(packed.iter_mut()).enumerate() {
@@ -120,9 +206,7 @@ impl World {
         if !late.is_empty() {
             self.finish_packet(simd, late, packed, &mut queries, room);
         }
-        for (hit, best) in hits.iter_mut().zip(&queries.best) {
-            *hit = if best.is_hit() { *best } else { Hit::MISS };
-        }
+        answers.set(&queries.best[..rays.len()], numbers);
         for (i, each) in each.into_iter().flatten().enumerate() {
             let (v, lane) = split(i);
             *each = TraceCounts {
@@ -131,10 +215,13 @@ impl World {
                 cell_tests: queries.cells[v][lane] as u64,
             };
         }
-        let counts = queries.counts;
+        let asked = Asked {
+            counts: queries.counts,
+            surfaces: queries.surfaces,
+        };
         room.give_back_queries(queries);
         room.give_back(space);
-        counts
+        asked
     }
 
     /// Gives the instances that rays came to, and whose objects are not made.
@@ -205,7 +292,10 @@ impl World {
             }
         }
         let rays = &space.rays[..rays.len().min(VECTORS)];
-        let scattered = object.blas().is_of_strands() && are_scattered(simd, rays, lanes);
+        let strands = object.blas().is_of_strands();
+        queries.surfaces |= !strands;
+        // Of strands, neighbours in space have more in common than those that go one way.
+        let scattered = strands && (queries.sorted || are_scattered(simd, rays, lanes));
         self.level.run(InsideMany {
             object,
             instance: item,
@@ -328,16 +418,154 @@ fn pack<S: Simd>(simd: S, rays: &[Ray], packed: &mut Rays, queries: &mut Queries
 struct Many<'a> {
     world: &'a World,
     rays: &'a [Ray],
-    any: bool,
-    hits: &'a mut [Hit],
+    numbers: Option<&'a [u16]>,
+    answers: Answers<'a>,
     each: Option<&'a mut [TraceCounts]>,
     room: &'a mut Room,
 }
 
+/// What a packet of queries tells besides its answers.
+struct Asked {
+    /// What all rays cost.
+    counts: TraceCounts,
+    /// Rays came to objects that are not of strands.
+    surfaces: bool,
+}
+
 impl Kernel for Many<'_> {
-    type Output = TraceCounts;
+    type Output = Asked;
     #[inline(always)]
-    fn run<S: Simd>(self, simd: S) -> TraceCounts {
+    fn run<S: Simd>(self, simd: S) -> Asked {
         self.world.query_packet(simd, self)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use glam::DVec3;
+    use hdtrapeze_simd::Level;
+
+    use super::*;
+    use crate::grid::{DicedMesh, Grid};
+    use crate::trace::random::{cube, unit};
+    use crate::trace::{InstanceTransform, WorldInstance};
+
+    /// Bent grids of 3x3 micropolygons, or, `thin`, of 1x6, all over a cube, which swing.
+    fn swarm(count: u32, thin: bool, keys: usize) -> WorldInstance {
+        let state = &mut 3;
+        let (nu, nv) = if thin { (1, 6) } else { (3, 3) };
+        let mut mesh = DicedMesh {
+            key_times: (0..keys)
+                .map(|k| k as f32 / (keys.max(2) - 1) as f32)
+                .collect(),
+            ..DicedMesh::default()
+        };
+        for element in 0..count {
+            let at = cube(state);
+            let [u, v, sway] = [cube(state), cube(state), cube(state)].map(|v| v * 0.12);
+            let u = if thin { u * 0.1 } else { u };
+            for k in 0..keys {
+                for j in 0..=nv {
+                    for i in 0..=nu {
+                        let [x, y] = [(i, nu), (j, nv)].map(|(i, n)| f32::from(i) / f32::from(n));
+                        let bent = sway * (x * y + k as f32 * y * y);
+                        mesh.positions.push(at + u * x + v * y + bent);
+                    }
+                }
+            }
+            mesh.grids.push(Grid {
+                first_vertex: mesh.vertex_count as u32,
+                element,
+                nu,
+                nv,
+            });
+            mesh.vertex_count += usize::from(nu + 1) * usize::from(nv + 1);
+        }
+        WorldInstance {
+            object: Arc::new(ObjectGeometry::new(mesh)),
+            transform: InstanceTransform::Translation(DVec3::ZERO),
+            user: 0,
+        }
+    }
+
+    /// From about one place, all ways; some are bad.
+    fn leaving(count: usize) -> Vec<Ray> {
+        let state = &mut 9;
+        let mut ray = |i: usize| Ray {
+            origin: cube(state) * 0.05,
+            dir: cube(state) * if i % 97 == 5 { f32::NAN } else { 1.0 },
+            time: unit(state),
+            t_min: 0.0,
+            t_max: if i.is_multiple_of(3) {
+                0.2
+            } else {
+                f32::INFINITY
+            },
+        };
+        (0..count).map(&mut ray).collect()
+    }
+
+    #[test]
+    fn rays_that_go_all_ways_hit_what_they_hit_alone() {
+        for keys in [1, 2] {
+            for level in Level::available() {
+                let patches = || swarm(4000, false, keys);
+                let both = vec![patches(), swarm(4000, true, keys)];
+                for instances in [vec![patches()], both] {
+                    let world = World::build(instances, DVec3::ZERO).with_level(level);
+                    // A batch and a half; the last packet is not full.
+                    let rays = leaving(3 * BATCH / 2 + 7);
+                    for batch in rays.chunks(BATCH) {
+                        // They are sorted.
+                        assert!(by_direction(level, &batch[PACKET..]).is_some());
+                        let first = &batch[..PACKET];
+                        let mut counts = TraceCounts::default();
+                        let mut hits = [Hit::MISS; PACKET];
+                        world.trace_many(first, &mut hits, &mut counts);
+                        assert!(counts.tests() >= COSTLY * PACKET as u64, "{counts:?}");
+                    }
+                    let mut hits = vec![Hit::MISS; rays.len()];
+                    let mut found = vec![false; rays.len()];
+                    let (counts, any_counts) =
+                        (&mut TraceCounts::default(), &mut TraceCounts::default());
+                    world.trace_many(&rays, &mut hits, counts);
+                    world.occluded_many(&rays, &mut found, any_counts);
+                    assert_eq!([counts.rays, any_counts.rays], [rays.len() as u64; 2]);
+                    let mut some = 0;
+                    for (i, ray) in rays.iter().enumerate() {
+                        let alone = world.trace(ray, &mut TraceCounts::default());
+                        assert_eq!(alone, hits[i], "{i}: {ray:?}");
+                        assert_eq!(alone.is_hit(), found[i], "{i}: {ray:?}");
+                        some += usize::from(alone.is_hit());
+                    }
+                    assert!(some > rays.len() / 8 && some < rays.len() * 7 / 8, "{some}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn rays_for_which_there_is_no_room_are_not_traced() {
+        let world = World::build(vec![swarm(4000, false, 1)], DVec3::ZERO);
+        let rays = leaving(BATCH);
+        let mut all = vec![Hit::MISS; BATCH];
+        world.trace_many(&rays, &mut all, &mut TraceCounts::default());
+        for count in [0, 1, PACKET, PACKET + 1, 1000] {
+            let counts = &mut TraceCounts::default();
+            let mut hits = vec![Hit::MISS; count];
+            world.trace_many(&rays, &mut hits, counts);
+            assert_eq!(hits, all[..count]);
+            let mut found = vec![false; count];
+            world.occluded_many(&rays, &mut found, counts);
+            assert!(
+                found
+                    .iter()
+                    .zip(&all)
+                    .all(|(found, hit)| *found == hit.is_hit())
+            );
+            assert_eq!(counts.rays, 2 * count as u64);
+        }
     }
 }

@@ -6,7 +6,7 @@
 
 use hdtrapeze_simd::{Float, Mask, Simd};
 
-use super::cell::{CellHit, exact};
+use super::cell::{self, CellHit, exact};
 use super::cell_rays::{CellLanes, CellRays};
 use super::packet::{PACKET, axes_with};
 use crate::bvh::block::CellRect;
@@ -228,9 +228,10 @@ impl Strip<'_> {
             while found != 0 {
                 let lane = found.trailing_zeros() as usize & (N - 1);
                 found &= found - 1;
-                let corners = corners.map(
+                let corners = cell::corners(
+                    corners,
                     #[inline(always)]
-                    |k| [sx[k][lane], sy[k][lane], sz[k][lane]].map(f64::from),
+                    |k| [sx[k][lane], sy[k][lane], sz[k][lane]],
                 );
                 let ray = numbers[lane];
                 let [.., dir_z, _] = cells.rays[ray];

@@ -6,7 +6,7 @@
 
 use hdtrapeze_simd::{Float, Mask, Simd};
 
-use super::cell::{CellHit, exact};
+use super::cell::{self, CellHit, exact};
 use super::cell_rays::CellRays;
 use super::packet::PACKET;
 use super::strip::{StrandPart, Strip};
@@ -191,9 +191,10 @@ impl Waits {
                 found &= found - 1;
                 let wait = &waits[lane];
                 let corners = TRIANGLES[usize::from(wait.along_rows)][i];
-                let corners = corners.map(
+                let corners = cell::corners(
+                    corners,
                     #[inline(always)]
-                    |k| [sx[k][lane], sy[k][lane], sz[k][lane]].map(f64::from),
+                    |k| [sx[k][lane], sy[k][lane], sz[k][lane]],
                 );
                 let ray = usize::from(wait.ray) & (PACKET - 1);
                 let [.., dir_z, _] = cells.rays[ray];
