@@ -521,13 +521,16 @@ fn instruction_sets_and_packets_give_the_same_hits() {
                 }
                 assert_eq!(counts.rays, rays.len() as u64);
                 assert!(counts.node_tests > 0 && counts.cell_tests > 0);
+                // In packets as they lie: together, they may have an order of their own.
+                let mut packets = TraceCounts::default();
                 let mut each = vec![TraceCounts::default(); rays.len()];
-                for (at, each) in each.chunks_mut(PACKET).enumerate() {
-                    let rays = &rays[at * PACKET..][..each.len()];
-                    world.trace_packet(rays, &mut vec![Hit::MISS; each.len()], each);
+                for (rays, each) in rays.chunks(PACKET).zip(each.chunks_mut(PACKET)) {
+                    let mut hits = vec![Hit::MISS; rays.len()];
+                    world.trace_packet(rays, &mut hits, each);
+                    world.trace_many(rays, &mut hits, &mut packets);
                 }
                 let sum = each.into_iter().reduce(|a, b| a + b);
-                assert_eq!(sum, Some(counts), "what each cost, and all");
+                assert_eq!(sum, Some(packets), "what each cost, and all");
             }
         }
     }

@@ -16,7 +16,7 @@ use super::Ray;
 use super::packet::{PACKET, columns};
 
 /// Rays that are sorted together, at the most.
-pub(super) const BATCH: usize = 4096;
+pub const BATCH: usize = 4096;
 /// Rays of a part that is sorted by itself, where all are too far from each other.
 const PART: usize = 1024;
 /// Rays that are sorted, at the least.
@@ -32,9 +32,12 @@ const JUDGED: [usize; 2] = [4, 16];
 /// Cells along a side of the square.
 const SIDE: usize = 16;
 
-/// Numbers of up to [`BATCH`] rays, in an order in which packets go fewer ways; `None` where the order that they have stays.
-pub(super) fn by_direction(level: Level, rays: &[Ray]) -> Option<Vec<u16>> {
-    debug_assert!(rays.len() <= BATCH);
+/// Numbers of `rays` in an order in which packets go fewer ways; `None` where the order that they have stays. Any thread.
+///
+/// # Panics
+/// There are more than [`BATCH`].
+pub fn by_direction(level: Level, rays: &[Ray]) -> Option<Vec<u16>> {
+    assert!(rays.len() <= BATCH, "{} rays at once", rays.len());
     let mut order: Option<Vec<u16>> = None;
     let mut sort = |from: usize, rays: &[Ray]| {
         let pole = sorting_pays(rays);

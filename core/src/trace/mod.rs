@@ -7,7 +7,7 @@
 
 pub mod beam;
 pub mod brute;
-mod by_direction;
+pub mod by_direction;
 pub mod cell;
 pub mod cell_rays;
 pub mod deferred;

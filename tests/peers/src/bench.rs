@@ -7,12 +7,14 @@
 use std::iter::once;
 
 use hdtrapeze_core::grid::DicedMesh;
+use hdtrapeze_core::trace::by_direction::{BATCH, by_direction};
 use hdtrapeze_core::trace::{Hit, Ray, TraceCounts, World, brute};
+use hdtrapeze_simd::Level;
 
 use crate::batch::Call;
 use crate::clock::{Clock, forget_peak, free_memory, peak_memory};
 use crate::compare::{Judge, MOST_EDGES, MOST_EDGES_OF_THIN, THIN, Tally};
-use crate::embree::{Embree, Refusal, Scene, Variant};
+use crate::embree::{CHUNK, Embree, Refusal, Scene, Variant};
 use crate::ffi::RayHit;
 use crate::load::{
     Group, Load, Way, built, built_upright, calls, time_given, time_ours, time_peer, trace, ways,
@@ -25,6 +27,9 @@ use crate::trace_scenes::Rng;
 
 /// Orders of camera rays.
 pub const ORDERS: [&str; 4] = ["tile", "block", "pixel", "surface"];
+
+/// An order of rays that leave hits, for Embree.
+const BY_DIRECTION: &str = "direction";
 
 /// What to run.
 #[derive(Clone, Debug)]
@@ -218,6 +223,19 @@ fn describe(variant: Variant, scene: &Scene<'_>, indices: &Indices, cells: f64) 
     }
 }
 
+/// Numbers of rays in the order by direction, where ours would trace them in that: as many at a time as are traced together.
+fn by_directions(rays: &[Ray]) -> Vec<usize> {
+    let mut out = Vec::with_capacity(rays.len());
+    for chunk in rays.chunks(CHUNK.min(BATCH)) {
+        let first = out.len();
+        match by_direction(Level::best(), chunk) {
+            Some(order) => out.extend(order.iter().map(|&i| first + usize::from(i))),
+            None => out.extend(first..first + chunk.len()),
+        }
+    }
+    out
+}
+
 /// Runs one scene.
 ///
 /// # Errors
@@ -267,7 +285,11 @@ pub fn run(
     let counts = trace(&world, &rays, Way::Packets, &mut hits);
     let count = rays.len() as f64;
     let hit_share = hits.iter().filter(|h| h.is_hit()).count() as f64 / count;
-    let leaving = secondary(object.mesh(), &rays, &hits, options.secondary);
+    let leaving = {
+        let (rays, squares) = by_square(&rays, image, samples);
+        let (hits, _) = by_square(&hits, image, samples);
+        secondary(object.mesh(), (&rays, &hits), &squares, options.secondary)
+    };
     let mut leaving_hits = vec![Hit::MISS; leaving.len()];
     trace(&world, &leaving, Way::Packets, &mut leaving_hits);
     let mut loads = Vec::new();
@@ -302,14 +324,17 @@ pub fn run(
         load(order, Group::Camera, rays, hits, squares);
     }
     drop((rays, hits));
-    load(
-        "",
-        Group::Bounce,
-        leaving.clone(),
-        leaving_hits.clone(),
-        Vec::new(),
-    );
-    load("", Group::Shadow, leaving, leaving_hits, Vec::new());
+    let sorted = by_directions(&leaving);
+    let in_order = |hits: &[Hit]| sorted.iter().map(|&i| hits[i]).collect();
+    let sorted_rays: Vec<Ray> = sorted.iter().map(|&i| leaving[i]).collect();
+    for group in [Group::Bounce, Group::Shadow] {
+        let (rays, hits) = (leaving.clone(), leaving_hits.clone());
+        load("", group, rays, hits, Vec::new());
+        if !sorted.is_sorted() {
+            let hits = in_order(&leaving_hits);
+            load(BY_DIRECTION, group, sorted_rays.clone(), hits, Vec::new());
+        }
+    }
     let parts: Vec<Load> = loads
         .iter()
         .map(|load| match load.group {
@@ -324,7 +349,9 @@ pub fn run(
     let trial = Clock::Cpu;
     let best_ways = |world: &World| -> Result<Vec<Tried<Way>>, String> {
         let mut best = Vec::new();
-        for (i, load) in parts.iter().enumerate() {
+        // That order ours finds by itself.
+        let own = parts.iter().enumerate();
+        for (i, load) in own.filter(|(_, load)| load.name != BY_DIRECTION) {
             let mut tried = Vec::new();
             for &way in ways(load.group) {
                 let mut rate = time_ours(world, load, way, trial)?;

@@ -138,15 +138,24 @@ pub fn by_square<T: Copy>(
     (out, squares)
 }
 
-/// One ray from each of about `count` hits, evenly chosen, at a time of its own: from where the point that was hit
-/// is then, into the cosine-weighted hemisphere on the side that the ray came from. A multiple of 16 of them.
-pub fn secondary(mesh: &PlanarMesh, rays: &[Ray], hits: &[Hit], count: usize) -> Vec<Ray> {
+/// One ray from each hit of some squares of 32x32 pixels, evenly chosen, so that they are about `count` or more, at a time of its own: from where the point that was hit
+/// is then, into the cosine-weighted hemisphere on the side that the ray came from. A multiple of 16 of them. `rays` and `hits` lie by square.
+pub fn secondary(
+    mesh: &PlanarMesh,
+    (rays, hits): (&[Ray], &[Hit]),
+    squares: &[Square],
+    count: usize,
+) -> Vec<Ray> {
     let mut rng = Rng(17);
     let found = hits.iter().filter(|h| h.is_hit()).count();
     let step = (found / count.max(1)).max(1);
     let mut out = Vec::with_capacity(found / step + 1);
-    let hits = rays.iter().zip(hits).filter(|(_, hit)| hit.is_hit());
-    for (r, hit) in hits.step_by(step) {
+    let some = squares.iter().step_by(step);
+    let hits = some.flat_map(|square| {
+        let of_square = square.rays.clone();
+        rays[of_square.clone()].iter().zip(&hits[of_square])
+    });
+    for (r, hit) in hits.filter(|(_, hit)| hit.is_hit()) {
         let time = rng.unit();
         let (point, normal, size) = spot(mesh, hit, time);
         let normal = if normal.dot(r.dir) > 0.0 {
@@ -209,7 +218,11 @@ mod tests {
             assert!(halves[0] > 100 && halves[1] > 100, "{halves:?}");
             assert!(moved > 0.01, "{moved}");
 
-            let leaving = secondary(object.mesh(), &rays, &hits, rays.len());
+            let all = [Square {
+                rays: 0..rays.len(),
+                blocks: Vec::new(),
+            }];
+            let leaving = secondary(object.mesh(), (&rays, &hits), &all, rays.len());
             let found = rays.iter().zip(&hits).filter(|(_, hit)| hit.is_hit());
             let mut sum = 0.0;
             for ((from, hit), r) in found.zip(&leaving) {

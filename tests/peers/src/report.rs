@@ -261,7 +261,7 @@ fn blur(reports: &[Report]) -> Table {
 fn leaving(reports: &[Report]) -> Table {
     let mut table = Table::new(
         "Rays that leave surfaces",
-        "Million rays a second: from camera hits, cosine-weighted, each at a time of its own.",
+        "Million rays a second: from all camera hits of some squares of 32x32 pixels, cosine-weighted, each at a time of its own. Ours finds an order by direction, where that pays, while it is timed; Embree is given the usual order and that one, and has the better of both.",
         &[
             "scene",
             "query",
