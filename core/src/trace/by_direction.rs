@@ -352,52 +352,31 @@ mod tests {
         // Too few.
         none(&[]);
         none(&rays[..LEAST - 1]);
+        let changed = |change: &dyn Fn(usize, Ray) -> Ray| -> Vec<Ray> {
+            let all = rays.iter().enumerate();
+            all.map(|(i, ray)| change(i, *ray)).collect()
+        };
         // They go one way.
-        none(
-            &rays
-                .iter()
-                .map(|r| Ray {
-                    dir: r.dir * 0.1 - Vec3::Y,
-                    ..*r
-                })
-                .collect::<Vec<_>>(),
-        );
+        none(&changed(&|_, r| Ray {
+            dir: r.dir * 0.1 - Vec3::Y,
+            ..r
+        }));
         // Packets go one way, each its own.
-        let mut sorted = rays.clone();
-        let order = by_direction(Level::best(), &rays);
-        if let Some(order) = order {
-            sorted = order.iter().map(|&i| rays[usize::from(i)]).collect();
-        }
-        none(&sorted);
+        let order = by_direction(Level::best(), &rays).expect("an order");
+        none(&changed(&|i, _| rays[usize::from(order[i])]));
         // Neighbours are near each other.
-        none(
-            &rays
-                .iter()
-                .enumerate()
-                .map(|(i, r)| Ray {
-                    origin: r.origin + Vec3::X * i as f32,
-                    ..*r
-                })
-                .collect::<Vec<_>>(),
-        );
+        none(&changed(&|i, r| Ray {
+            origin: r.origin + Vec3::X * i as f32,
+            ..r
+        }));
         // No place, or no direction.
-        none(
-            &rays
-                .iter()
-                .map(|r| Ray {
-                    origin: r.origin + f32::INFINITY,
-                    ..*r
-                })
-                .collect::<Vec<_>>(),
-        );
-        none(
-            &rays
-                .iter()
-                .map(|r| Ray {
-                    dir: r.dir * f32::NAN,
-                    ..*r
-                })
-                .collect::<Vec<_>>(),
-        );
+        none(&changed(&|_, r| Ray {
+            origin: r.origin + f32::INFINITY,
+            ..r
+        }));
+        none(&changed(&|_, r| Ray {
+            dir: r.dir * f32::NAN,
+            ..r
+        }));
     }
 }

@@ -223,7 +223,7 @@ fn describe(variant: Variant, scene: &Scene<'_>, indices: &Indices, cells: f64) 
     }
 }
 
-/// Numbers of rays in the order by direction, where ours would trace them in that: as many at a time as are traced together.
+/// Numbers of rays in an order by direction, where that is another: as many at a time as are traced together.
 fn by_directions(rays: &[Ray]) -> Vec<usize> {
     let mut out = Vec::with_capacity(rays.len());
     for chunk in rays.chunks(CHUNK.min(BATCH)) {

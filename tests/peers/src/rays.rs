@@ -138,8 +138,9 @@ pub fn by_square<T: Copy>(
     (out, squares)
 }
 
-/// One ray from each hit of some squares of 32x32 pixels, evenly chosen, so that they are about `count` or more, at a time of its own: from where the point that was hit
-/// is then, into the cosine-weighted hemisphere on the side that the ray came from. A multiple of 16 of them. `rays` and `hits` lie by square.
+/// One ray from each hit of some squares, one of each so many, so that they are about `count`, at a time of its own: from where
+/// the point that was hit is then, into the cosine-weighted hemisphere on the side that the ray came from. A multiple of 16 of
+/// them. `rays` and `hits` lie by square.
 pub fn secondary(
     mesh: &PlanarMesh,
     (rays, hits): (&[Ray], &[Hit]),
@@ -150,8 +151,12 @@ pub fn secondary(
     let found = hits.iter().filter(|h| h.is_hit()).count();
     let step = (found / count.max(1)).max(1);
     let mut out = Vec::with_capacity(found / step + 1);
-    let some = squares.iter().step_by(step);
-    let hits = some.flat_map(|square| {
+    // Any of them: those at equal distances may all lie in one column of the image.
+    let some: Vec<&Square> = squares
+        .chunks(step)
+        .map(|squares| &squares[rng.below(squares.len())])
+        .collect();
+    let hits = some.into_iter().flat_map(|square| {
         let of_square = square.rays.clone();
         rays[of_square.clone()].iter().zip(&hits[of_square])
     });
