@@ -122,7 +122,7 @@ impl Vertex {
 fn stored<B: Bounds8>(bounds: &B, slot: usize) -> [[[Exact; 2]; 2]; 3] {
     let plane = |lattice: &Lattice8, axis: usize, side: usize| {
         let q = f64::from(lattice.planes[axis][side][slot]);
-        Exact::from(lattice.origin[axis]) + Exact::product(lattice.step[axis].into(), q)
+        Exact::from(lattice.origin()[axis]) + Exact::product(lattice.step()[axis].into(), q)
     };
     let ends = |axis, side| [bounds.start(), bounds.end()].map(|l| plane(l, axis, side));
     [0, 1, 2].map(|axis| [0, 1].map(|side| ends(axis, side)))
@@ -160,7 +160,8 @@ fn check_diagonal<B: Bounds8>(
             at([0, 1].map(|end| {
                 let down = diagonals.down[end][axis] >> slot & 1 == 1;
                 let q = grids[end].planes[axis][usize::from(far != down)][slot];
-                f64::from(grids[end].origin[axis]) + f64::from(grids[end].step[axis]) * f64::from(q)
+                f64::from(grids[end].origin()[axis])
+                    + f64::from(grids[end].step()[axis]) * f64::from(q)
             }))
         };
         let [a, b] = [false, true].map(|far| [0, 1, 2].map(|axis| corner(far, axis)));
@@ -174,7 +175,7 @@ fn check_diagonal<B: Bounds8>(
             let out = |s: f64| {
                 (0..3).fold(f64::NEG_INFINITY, |most: f64, axis| {
                     let own = a[axis] + (b[axis] - a[axis]) * s - p.dot(axes[axis]);
-                    let step = at(grids.map(|grid| f64::from(grid.step[axis])));
+                    let step = at(grids.map(|grid| f64::from(grid.step()[axis])));
                     most.max(own.abs() - step * f64::from(STEP))
                 })
             };

@@ -717,8 +717,8 @@ fn lattices<B: Bounds8>(bounds: &B) -> Vec<u32> {
 }
 
 fn lattice(lattice: &Lattice8, words: &mut Vec<u32>) {
-    words.extend(lattice.origin.map(f32::to_bits));
-    words.extend(lattice.step.map(f32::to_bits));
+    words.extend(lattice.origin().map(f32::to_bits));
+    words.extend(lattice.step().map(f32::to_bits));
     for bytes in lattice.planes.iter().flatten() {
         words.extend_from_slice(&bytemuck::cast::<[u8; 8], [u32; 2]>(*bytes));
     }

@@ -100,10 +100,10 @@ pub trait Simd: Copy + Debug {
     fn halves(self, first: Self::F8, last: Self::F8) -> Self::F16;
     /// The first 8 lanes, and the last.
     fn of_halves(self, x: Self::F16) -> [Self::F8; 2];
-    /// 3 numbers, then 3 more and 2 zeros, and the same again.
-    fn sixes(self, first: &[f32; 3], last: &[f32; 3]) -> Self::F16;
-    /// Lane `lane` of each half, below 8, all over that half.
-    fn over_halves(self, x: Self::F16, lane: usize) -> Self::F16;
+    /// 4 numbers, four times.
+    fn quarters(self, x: &[f32; 4]) -> Self::F16;
+    /// Lane `LANE` of each quarter, below 4, all over that quarter.
+    fn over_quarters<const LANE: usize>(self, x: Self::F16) -> Self::F16;
     /// 16 whole numbers from 0 to 255, those of `order`: each is below 16.
     fn bytes16(self, x: &[[u8; 8]; 2], order: &[u8; 16]) -> Self::F16;
     /// Writes the lanes of `x` whose bits are set, and those of `words`, to the front, in their order. What is behind them then

@@ -196,13 +196,12 @@ impl Simd for Scalar {
         [0, 8].map(|first| Array(std::array::from_fn(|i| x.0[first + i])))
     }
     #[inline]
-    fn sixes(self, [a, b, c]: &[f32; 3], [d, e, f]: &[f32; 3]) -> Array<16> {
-        let half = [*a, *b, *c, *d, *e, *f, 0.0, 0.0];
-        Array(std::array::from_fn(|i| half[i % 8]))
+    fn quarters(self, x: &[f32; 4]) -> Array<16> {
+        Array(std::array::from_fn(|i| x[i % 4]))
     }
     #[inline]
-    fn over_halves(self, x: Array<16>, lane: usize) -> Array<16> {
-        Array(std::array::from_fn(|i| x.0[i / 8 * 8 + lane % 8]))
+    fn over_quarters<const LANE: usize>(self, x: Array<16>) -> Array<16> {
+        Array(std::array::from_fn(|i| x.0[i / 4 * 4 + LANE % 4]))
     }
     #[inline]
     fn bytes16(self, x: &[[u8; 8]; 2], order: &[u8; 16]) -> Array<16> {

@@ -80,11 +80,12 @@ impl Kernel for Everything {
         s.zip(a16, b16).into_iter().for_each(&mut put);
         put(s.in_pairs(s.from8(&a8), s.from8(&b8)));
         put(s.halves(s.from8(&a8), s.from8(&b8)));
-        let [x, y, z, u, v, w, ..] = a;
-        put(s.sixes(&[x, y, z], &[u, v, w]));
-        for lane in 0..8 {
-            put(s.over_halves(s.from16(&a), lane));
-        }
+        let [x, y, z, w, ..] = a;
+        put(s.quarters(&[x, y, z, w]));
+        put(s.over_quarters::<0>(a16));
+        put(s.over_quarters::<1>(a16));
+        put(s.over_quarters::<2>(a16));
+        put(s.over_quarters::<3>(a16));
         let order = std::array::from_fn(|i| (i as u32 * 7 + self.seed) as u8 & 15);
         put(s.bytes16(&[bytes, other], &order));
         let pairs: [[f32; 2]; 8] = std::array::from_fn(|i| [rows[i][1], rows[i][7]]);

@@ -142,8 +142,8 @@ impl AtEnd for u32 {
 /// What radii are whole numbers of, in a node with these grids at both ends.
 #[inline(always)]
 fn unit(start: &Lattice8, end: &Lattice8) -> f32 {
-    let sum = |steps: &[f32; 3]| steps[0] + steps[1] + steps[2];
-    (sum(&start.step) + sum(&end.step)) * UNIT
+    let sum = |steps: [f32; 3]| steps[0] + steps[1] + steps[2];
+    (sum(start.step()) + sum(end.step())) * UNIT
 }
 
 /// What a node holds of its children's diagonals: bits above [`CHILDREN`], and those at the end. `numbers` are
@@ -176,7 +176,7 @@ impl<E: AtEnd> Kernel for Pack<'_, E> {
         // An axis that is nearly flat has planes farther apart than a step.
         let mut flat = false;
         for axis in 0..3 {
-            for step in [start.step[axis], end.step[axis]] {
+            for step in [start.step()[axis], end.step()[axis]] {
                 flat |= step > 0.0 && !(1.0 / step).is_finite();
             }
         }
@@ -236,38 +236,26 @@ fn segment<const N: usize, F: Float<N>, const MOVING: bool>(
     (a, b - a)
 }
 
-/// What a test against diagonals asks of a ray.
-#[derive(Clone, Copy, Debug)]
-pub struct Sight {
-    /// [`CHILDREN`] on axes along which the ray sees diagonals the other way, else none: where it goes down along one of x and
-    /// this axis.
-    pub turned: [u32; 3],
-    /// Magnitudes of what planes are multiplied by, at both ends of the shutter.
-    pub scale: [[f32; 3]; 2],
-    /// [`PADS`] of what padding has near and far planes apart by.
-    pub pads: [f32; 3],
-}
-
 /// Where a ray meets the near and the far planes of 8 children, by axis.
 pub type Planes8<F> = [[F; 2]; 3];
 
-/// Children of 8 whose diagonals a ray passes by. The second planes are what the start of the shutter has in the first; they are not
-/// looked at where nothing moves.
+/// Children of 8 whose diagonals a ray passes by. `turned` are [`CHILDREN`] on axes along which it sees diagonals the other way, else none:
+/// where it goes down along one of x and this axis. `reach` is what ray and diagonal may be apart by on each axis; see [`reaching`]. The second
+/// planes are what the start of the shutter has in the first; they are not looked at where nothing moves.
 #[inline(always)]
 pub fn passed_by<S: Simd, B: Bounds8>(
     simd: S,
-    bounds: &B,
     diagonals: &Diagonals,
-    sight: &Sight,
+    turned: [u32; 3],
+    reach: [S::F8; 3],
     (planes, planes_at_start): (&Planes8<S::F8>, &Planes8<S::F8>),
 ) -> u32 {
-    let (start, end) = (bounds.start(), bounds.end());
     let zero = simd.all8(0.0);
-    let (mut a, mut e, mut reach) = ([zero; 3], [zero; 3], [zero; 3]);
+    let (mut a, mut e) = ([zero; 3], [zero; 3]);
     for axis in 0..3 {
         let [near, far] = planes[axis];
         let [at_start, at_end] = &diagonals.down;
-        let turned = sight.turned[axis];
+        let turned = turned[axis];
         let down = [
             simd.mask8(at_start[axis] ^ turned),
             simd.mask8(at_end[axis] ^ turned),
@@ -281,28 +269,20 @@ pub fn passed_by<S: Simd, B: Bounds8>(
         } else {
             (near, far - near)
         };
-        let radius = diagonals.radius;
-        let pads = simd.all8(sight.pads[axis]);
-        reach[axis] = more_reach(simd, (start.step[axis], radius), sight.scale[0][axis], pads);
-        if B::MOVING {
-            let from_start = reach[axis];
-            reach[axis] = more_reach(
-                simd,
-                (end.step[axis], radius),
-                sight.scale[1][axis],
-                from_start,
-            );
-        }
     }
     let limits = [simd.all8(TINY), simd.all8(f32::INFINITY)];
     passes_by(a, e, reach, limits).bits()
 }
 
-/// What a step of a grid and a radius may have a ray and a diagonal apart by, besides `others`.
+/// What a step of a grid and a radius may have a ray and a diagonal apart by, besides `others`, which begin with [`PADS`] of what padding has
+/// near and far planes apart by. `most` is [`STEP`], and `scale` the magnitude of what planes are multiplied by.
 #[inline(always)]
-fn more_reach<S: Simd>(simd: S, (step, radius): (f32, f32), scale: f32, others: S::F8) -> S::F8 {
-    let apart = simd.all8(step).mul_add(simd.all8(STEP), simd.all8(radius));
-    apart.mul_add(simd.all8(scale), others)
+pub fn reaching<const N: usize, F: Float<N>>(
+    (step, most, radius): (F, F, F),
+    scale: F,
+    others: F,
+) -> F {
+    step.mul_add(most, radius).mul_add(scale, others)
 }
 
 /// True where a ray passes a line by: `a` is a point of it, `e` its direction, both in distances along the ray, and `reach` what
@@ -328,11 +308,12 @@ mod tests {
 
     use super::*;
 
-    const NO_GRID: Lattice8 = Lattice8 {
-        origin: [0.0; 3],
-        step: [0.0; 3],
-        planes: [[[0; 8]; 2]; 3],
-    };
+    fn of_steps([x, y, z]: [f32; 3]) -> Lattice8 {
+        Lattice8 {
+            grid: [0.0, 0.0, 0.0, x, y, z],
+            planes: [[[0; 8]; 2]; 3],
+        }
+    }
 
     proptest! {
         #[test]
@@ -341,7 +322,7 @@ mod tests {
             step in prop::array::uniform3(0.004f32..0.5), size in -100i32..50
         ) {
             let size = (size as f32).exp2();
-            let grid = Lattice8 { step: step.map(|step| step * size), ..NO_GRID };
+            let grid = of_steps(step.map(|step| step * size));
             let item = |slot: usize| Diagonal { radius: radii[slot] * size, down: [down[slot] << 1 & 6, down[slot] >> 2] };
             let mut numbers = [[0.0; 8]; 2];
             let slots = (0..8).filter(|slot| items >> slot & 1 == 1);
@@ -352,7 +333,7 @@ mod tests {
             prop_assert_eq!(bits & CHILDREN, 0);
             if bits == 0 {
                 // So large, in whole numbers of 2/8 of all steps, that it cannot be stored.
-                let sum: f32 = grid.step.iter().sum();
+                let sum: f32 = grid.step().iter().sum();
                 prop_assert!(slots.clone().any(|slot| item(slot).radius > 63.0 * sum));
                 return Ok(());
             }
@@ -371,10 +352,7 @@ mod tests {
 
     #[test]
     fn nothing_is_said_where_an_item_has_none() {
-        let grid = Lattice8 {
-            step: [1.0; 3],
-            ..NO_GRID
-        };
+        let grid = of_steps([1.0; 3]);
         let thin = Diagonal {
             radius: 1.0,
             ..Diagonal::NONE
@@ -393,10 +371,7 @@ mod tests {
         assert_eq!(bits(&[thin, bad(f32::INFINITY)], &grid), 0);
         // No item at all; and planes that are farther apart than their step.
         assert_eq!(bits(&[], &grid), 0);
-        let flat = Lattice8 {
-            step: [1.0, 1.0, f32::from_bits(3)],
-            ..NO_GRID
-        };
+        let flat = of_steps([1.0, 1.0, f32::from_bits(3)]);
         assert_eq!(bits(&[thin, thin], &flat), 0);
     }
 

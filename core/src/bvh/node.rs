@@ -15,7 +15,7 @@
 use glam::DVec3;
 use hdtrapeze_simd::{Float, Kernel, Level, Mask, Part, Simd};
 
-use super::diagonal::{AtEnd, CHILDREN, Diagonals, PADS, Planes8, Sight, passed_by};
+use super::diagonal::{AtEnd, CHILDREN, Diagonals, PADS, Planes8, STEP, passed_by, reaching};
 use super::lanes::{Boxes8, Ranges8};
 use super::linear::round_up;
 use super::sorted::{Hull, LinearHull, StaticHull};
@@ -95,10 +95,8 @@ impl<B: Bounds8> Kernel for Pack<'_, B> {
 #[derive(Clone, Copy, Debug)]
 #[repr(C)]
 pub struct Lattice8 {
-    /// The plane with number 0, on each axis.
-    pub origin: [f32; 3],
-    /// From plane to plane.
-    pub step: [f32; 3],
+    /// The plane with number 0, on each axis, then from plane to plane.
+    pub grid: [f32; 6],
     /// Numbers of planes.
     pub planes: Bytes,
 }
@@ -146,11 +144,24 @@ const STEPS: f64 = 255.0;
 const NUMBER_PAD: f32 = 1.0 / (1 << 10) as f32;
 
 impl Lattice8 {
+    /// The plane with number 0, on each axis.
+    #[inline(always)]
+    pub fn origin(&self) -> [f32; 3] {
+        let [x, y, z, ..] = self.grid;
+        [x, y, z]
+    }
+
+    /// From plane to plane, on each axis.
+    #[inline(always)]
+    pub fn step(&self) -> [f32; 3] {
+        let [.., x, y, z] = self.grid;
+        [x, y, z]
+    }
+
     #[inline(always)]
     fn pack<S: Simd>(simd: S, boxes: &Ranges8<S::F8>) -> Self {
         let mut out = Self {
-            origin: [0.0; 3],
-            step: [0.0; 3],
+            grid: [0.0; 6],
             planes: Bytes::default(),
         };
         let (first, last) = boxes.hull();
@@ -162,7 +173,7 @@ impl Lattice8 {
             } else {
                 0.0
             };
-            (out.origin[axis], out.step[axis]) = (first[axis], step);
+            (out.grid[axis], out.grid[3 + axis]) = (first[axis], step);
             let inverse = 1.0 / step;
             if !inverse.is_finite() {
                 // A flat axis, or nearly: all planes will do.
@@ -184,7 +195,7 @@ impl Lattice8 {
         [0, 1].map(|side: usize| {
             DVec3::from_array([0, 1, 2].map(|axis: usize| {
                 let q = f64::from(self.planes[axis][side][slot]);
-                f64::from(self.origin[axis]) + f64::from(self.step[axis]) * q
+                f64::from(self.origin()[axis]) + f64::from(self.step()[axis]) * q
             }))
         })
     }
@@ -193,7 +204,7 @@ impl Lattice8 {
     fn reach(&self) -> f64 {
         let mut most: f64 = 0.0;
         for axis in 0..3 {
-            let (origin, step) = (f64::from(self.origin[axis]), f64::from(self.step[axis]));
+            let (origin, step) = (f64::from(self.origin()[axis]), f64::from(self.step()[axis]));
             most = most.max(origin.abs()).max((origin + STEPS * step).abs());
         }
         most
@@ -400,27 +411,39 @@ impl<S: Simd, B: Bounds8> Part<S> for PassedBy<'_, S::F8, B> {
             ray,
         } = self;
         let planes = (&slabs.planes, &slabs.start);
-        passed_by(simd, bounds, diagonals, &ray.sight(), planes)
+        let (turned, reach) = ray.sight(simd, bounds, diagonals);
+        passed_by::<S, B>(simd, diagonals, turned, reach, planes)
     }
 }
 
 impl SlabRay {
-    /// The ray as diagonals ask for it.
+    /// The ray as [diagonals](passed_by) ask for it: axes along which it sees them the other way, and what they may be apart by.
     #[inline(always)]
-    fn sight(&self) -> Sight {
-        let mut sight = Sight {
-            turned: [0; 3],
-            scale: [self.to_start.map(f32::abs), self.to_end.map(f32::abs)],
-            pads: [0.0; 3],
+    fn sight<S: Simd, B: Bounds8>(
+        &self,
+        simd: S,
+        bounds: &B,
+        diagonals: &Diagonals,
+    ) -> ([u32; 3], [S::F8; 3]) {
+        let (mut turned, mut reach) = ([0; 3], [simd.all8(0.0); 3]);
+        let apart = |grid: &Lattice8, to: f32, others: S::F8, axis: usize| {
+            let step = simd.all8(grid.step()[axis]);
+            let (most, radius) = (simd.all8(STEP), simd.all8(diagonals.radius));
+            reaching((step, most, radius), simd.all8(to.abs()), others)
         };
         for axis in 0..3 {
             if self.near_side[axis] != self.near_side[0] {
-                sight.turned[axis] = CHILDREN;
+                turned[axis] = CHILDREN;
             }
             let side = self.near_side[axis] & 1;
-            sight.pads[axis] = (self.base[side ^ 1][axis] - self.base[side][axis]) * PADS;
+            let pads = (self.base[side ^ 1][axis] - self.base[side][axis]) * PADS;
+            let mut own = apart(bounds.start(), self.to_start[axis], simd.all8(pads), axis);
+            if B::MOVING {
+                own = apart(bounds.end(), self.to_end[axis], own, axis);
+            }
+            reach[axis] = own;
         }
-        sight
+        (turned, reach)
     }
 }
 
@@ -442,11 +465,11 @@ impl<F: Float<8>> Slabs8<F> {
         };
         for axis in 0..3 {
             let near = ray.near_side[axis] & 1;
-            let scale = start.step[axis] * ray.to_start[axis];
-            let mut base = start.origin[axis] * ray.to_start[axis];
-            let end_scale = end.step[axis] * ray.to_end[axis];
+            let scale = start.step()[axis] * ray.to_start[axis];
+            let mut base = start.origin()[axis] * ray.to_start[axis];
+            let end_scale = end.step()[axis] * ray.to_end[axis];
             if B::MOVING {
-                base += end.origin[axis] * ray.to_end[axis];
+                base += end.origin()[axis] * ray.to_end[axis];
             }
             for (i, side) in [near, near ^ 1].into_iter().enumerate() {
                 let q = simd.bytes8(&start.planes[axis][side]);

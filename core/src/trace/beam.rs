@@ -202,7 +202,10 @@ impl Beam {
         let (start, end) = (root.start(), root.end());
         let (mut z0, mut z1) = (f32::INFINITY, f32::NEG_INFINITY);
         for l in [start, end] {
-            let (low, high) = (l.origin[z_axis], l.origin[z_axis] + 255.0 * l.step[z_axis]);
+            let (low, high) = (
+                l.origin()[z_axis],
+                l.origin()[z_axis] + 255.0 * l.step()[z_axis],
+            );
             let (low, high) = if mirrored { (-high, -low) } else { (low, high) };
             (z0, z1) = (z0.min(low), z1.max(high));
         }
@@ -276,9 +279,9 @@ impl Beam {
                 let mut planes = [q0; 2];
                 for (plane, time) in planes.iter_mut().zip(self.times) {
                     let (w0, w1) = (1.0 - time, time);
-                    let base = start.origin[a] * w0 + end.origin[a] * w1;
-                    *plane = q0.mul_add(simd.all8(start.step[a] * w0), simd.all8(base));
-                    *plane = q1.mul_add(simd.all8(end.step[a] * w1), *plane);
+                    let base = start.origin()[a] * w0 + end.origin()[a] * w1;
+                    *plane = q0.mul_add(simd.all8(start.step()[a] * w0), simd.all8(base));
+                    *plane = q1.mul_add(simd.all8(end.step()[a] * w1), *plane);
                 }
                 *out = if side == 0 {
                     planes[0].min(planes[1])
@@ -286,7 +289,7 @@ impl Beam {
                     planes[0].max(planes[1])
                 };
             } else {
-                *out = q0.mul_add(simd.all8(start.step[a]), simd.all8(start.origin[a]));
+                *out = q0.mul_add(simd.all8(start.step()[a]), simd.all8(start.origin()[a]));
             }
         }
         out

@@ -248,10 +248,10 @@ fn pairs<S: Simd>(simd: S, lattice: &Lattice8) -> [[S::F16; 2]; 3] {
     for (a, out) in out.iter_mut().enumerate() {
         let [lower, upper] = &lattice.planes[a];
         // A lower plane, and an upper one mirrored.
-        let forward = simd
-            .bytes_in_turns(lower, upper)
-            .mul_add(simd.all16(lattice.step[a]), simd.all16(lattice.origin[a]))
-            * turns;
+        let forward = simd.bytes_in_turns(lower, upper).mul_add(
+            simd.all16(lattice.step()[a]),
+            simd.all16(lattice.origin()[a]),
+        ) * turns;
         *out = [forward, simd.swapped(forward)];
     }
     out

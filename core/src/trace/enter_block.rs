@@ -53,7 +53,7 @@ fn planes<S: Simd>(simd: S, lattice: &Lattice8) -> Planes {
     let mut out = [[0.0; LANES]; 3];
     for (a, out) in out.iter_mut().enumerate() {
         let [lower, upper] = &lattice.planes[a];
-        let (step, origin) = (lattice.step[a], lattice.origin[a]);
+        let (step, origin) = (lattice.step()[a], lattice.origin()[a]);
         let planes = simd.bytes_in_turns(lower, upper);
         *out = planes
             .mul_add(simd.all16(step), simd.all16(origin))

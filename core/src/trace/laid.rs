@@ -1,6 +1,7 @@
 //! A ray laid out for slab tests against 8 children: near planes in the first half of a vector, far planes, mirrored, in the
-//! second. What all planes of an axis have in them, and what their numbers are multiplied by, is one product and one sum for all axes
-//! and both halves; from there it is spread over the children. The latest near plane and the earliest far one are one maximum.
+//! second. What all planes of an axis have in them is one product and one sum for all axes, which lie in each quarter of a vector, and
+//! what their numbers are multiplied by one product; within its quarters each axis is spread over the children, which takes less than it takes
+//! across them. The latest near plane and the earliest far one are one maximum.
 //! Some processors slow down, and for longer than that takes, where products of 16 floats follow each other closely: there are few.
 //!
 //! A plane's terms are those of [`crate::bvh::node::SlabRay`], for which [`super::object_ray`] derives pads, but the ray's own comes first:
@@ -11,23 +12,27 @@ use hdtrapeze_simd::{Float, Mask, Simd};
 
 use super::packet::{LANES, Lanes, PACKET, Slabs, split};
 use crate::bvh::Bounds8;
-use crate::bvh::diagonal::{CHILDREN, Diagonals, PADS, Planes8, Sight, passed_by};
-use crate::bvh::node::Node;
+use crate::bvh::diagonal::{CHILDREN, Diagonals, PADS, Planes8, STEP, passed_by, reaching};
+use crate::bvh::node::{Lattice8, Node};
 
 /// A ray in the frame of a node.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 pub struct Laid {
-    /// By axis, in each half: what origins at the start of the shutter are multiplied by, and steps again; the last two are 0.
+    /// By axis, in each quarter: what origins at the start of the shutter are multiplied by; the last is 0.
     to_start: Lanes,
     /// The same at its end.
     to_end: Lanes,
-    /// By axis, in each half: what is added.
+    /// By axis, in each quarter: what is added.
     base: Lanes,
+    /// What steps are multiplied by at both ends: that of origins, one lane to the right; the first is 0.
+    steps_to: [Lanes; 2],
+    /// For diagonals: [`PADS`] of what padding has near and far planes apart by, as steps lie in a quarter.
+    pads: Lanes,
     /// The order of planes, which are lower ones before upper ones: near ones before far ones.
     order: [[u8; 16]; 3],
-    /// For diagonals.
-    sight: Sight,
+    /// Axes along which it sees diagonals the other way; see [`passed_by`].
+    turned: [u32; 3],
 }
 
 impl Laid {
@@ -37,12 +42,10 @@ impl Laid {
             to_start: [x; LANES],
             to_end: [x; LANES],
             base: [x; LANES],
+            steps_to: [[x; LANES]; 2],
+            pads: [x; LANES],
             order: [ORDERS[0]; 3],
-            sight: Sight {
-                turned: [u32::MAX; 3],
-                scale: [[x; 3]; 2],
-                pads: [x; 3],
-            },
+            turned: [u32::MAX; 3],
         }
     }
 
@@ -50,40 +53,42 @@ impl Laid {
     #[inline(always)]
     pub fn set<S: Simd>(&mut self, simd: S, slabs: &Slabs, at: usize, moving: bool) {
         let (v, lane) = split(at);
-        let mut start = [0.0; 3];
-        let mut end = [0.0; 3];
-        let mut base = [[0.0; 3]; 2];
+        let mut start = [0.0; 4];
+        let mut end = [0.0; 4];
+        let mut base = [[0.0; 4]; 2];
+        let mut pads = [0.0; 4];
         for a in 0..3 {
             let side = (slabs.negative[a] >> (at & (PACKET - 1)) & 1) as usize;
             self.order[a] = ORDERS[side];
             let first = slabs.negative[0] >> (at & (PACKET - 1)) & 1;
-            self.sight.turned[a] = (side as u32 ^ first as u32).wrapping_neg() & CHILDREN;
+            self.turned[a] = (side as u32 ^ first as u32).wrapping_neg() & CHILDREN;
             let sign = (side as u32) << 31;
             let signed = |x: f32| f32::from_bits(x.to_bits() ^ sign);
             let to = slabs.to_start[a][v][lane];
-            self.sight.scale[0][a] = to;
             start[a] = signed(to);
             if moving {
                 let to = slabs.to_end[a][v][lane];
-                self.sight.scale[1][a] = to;
                 end[a] = signed(to);
             }
             let [near, far] = slabs.base[a][v][lane];
             (base[0][a], base[1][a]) = (near, far);
-            self.sight.pads[a] = (-far - near) * PADS;
+            pads[a] = (-far - near) * PADS;
         }
-        let mirrored = |x: S::F16| {
-            let [near, far] = simd.of_halves(x);
+        let mirrored = |x: &[f32; 4]| {
+            let [near, far] = simd.of_halves(simd.quarters(x));
             simd.halves(near, -far).to_array()
         };
-        self.to_start = mirrored(simd.sixes(&start, &start));
+        let right = |[x, y, z, none]: [f32; 4]| [none, x, y, z];
+        self.to_start = mirrored(&start);
+        self.steps_to[0] = mirrored(&right(start));
         if moving {
-            self.to_end = mirrored(simd.sixes(&end, &end));
+            self.to_end = mirrored(&end);
+            self.steps_to[1] = mirrored(&right(end));
         }
-        let none = [0.0; 3];
-        let [near, _] = simd.of_halves(simd.sixes(&base[0], &none));
-        let [far, _] = simd.of_halves(simd.sixes(&base[1], &none));
+        let [near, _] = simd.of_halves(simd.quarters(&base[0]));
+        let [far, _] = simd.of_halves(simd.quarters(&base[1]));
         self.base = simd.halves(near, far).to_array();
+        self.pads = simd.quarters(&right(pads)).to_array();
     }
 
     /// Tests the children of a node within `span`. Nothing here branches on what is found.
@@ -96,28 +101,28 @@ impl Laid {
         tested: &mut Tested,
     ) {
         let (start, end) = (node.bounds.start(), node.bounds.end());
-        // By axis, what all planes have in them; then, what their numbers are multiplied by.
-        let at_start = simd.sixes(&start.origin, &start.step);
-        let at_start = at_start.mul_add(simd.from16(&self.to_start), simd.from16(&self.base));
-        let (mut own, mut at_end) = (at_start, at_start);
+        // By axis, what all planes have in them, and what their numbers are multiplied by, one lane to the right.
+        let [origins, steps] = quarters(simd, start);
+        let mut own = origins.mul_add(simd.from16(&self.to_start), simd.from16(&self.base));
+        let scale = steps * simd.from16(&self.steps_to[0]);
+        let mut end_scale = scale;
         if B::MOVING {
-            let origins = simd.mask16(ORIGINS);
-            at_end = simd.sixes(&end.origin, &end.step).mul_add(
-                simd.from16(&self.to_end),
-                at_start.or(origins, simd.all16(0.0)),
-            );
-            own = at_end;
+            let [origins, steps] = quarters(simd, end);
+            own = origins.mul_add(simd.from16(&self.to_end), own);
+            end_scale = steps * simd.from16(&self.steps_to[1]);
         }
-        let mut planes = [own; 3];
-        for (a, plane) in planes.iter_mut().enumerate() {
-            let numbers = self.numbers(simd, &start.planes[a], a);
-            let scale = simd.over_halves(at_start, 3 + a);
-            *plane = numbers.mul_add(scale, simd.over_halves(own, a));
+        let own = over_axes(simd, own, false);
+        let scale = over_axes(simd, scale, true);
+        let end_scale = over_axes(simd, end_scale, true);
+        let mut planes = own;
+        for a in 0..3 {
+            planes[a] = self
+                .numbers(simd, &start.planes[a], a)
+                .mul_add(scale[a], own[a]);
             if B::MOVING {
-                tested.at_start[a] = plane.to_array();
+                tested.at_start[a] = planes[a].to_array();
                 let numbers = self.numbers(simd, &end.planes[a], a);
-                let scale = simd.over_halves(at_end, 3 + a);
-                *plane = numbers.mul_add(scale, *plane);
+                planes[a] = numbers.mul_add(end_scale[a], planes[a]);
             }
         }
         let [x, y, z] = planes;
@@ -146,7 +151,22 @@ impl Laid {
             planes
         };
         let planes = (&planes, &at_start);
-        let passed = passed_by(simd, &node.bounds, &diagonals, &self.sight, planes);
+        let (most, radius) = (simd.all16(STEP), simd.all16(diagonals.radius));
+        let apart = |grid, to: &Lanes, others| {
+            let [_, steps] = quarters(simd, grid);
+            reaching((steps, most, radius), simd.from16(to).abs(), others)
+        };
+        let mut reach = apart(start, &self.steps_to[0], simd.from16(&self.pads));
+        if B::MOVING {
+            reach = apart(end, &self.steps_to[1], reach);
+        }
+        let [x, y, z] = over_axes(simd, reach, true);
+        let reach = [
+            simd.of_halves(x)[0],
+            simd.of_halves(y)[0],
+            simd.of_halves(z)[0],
+        ];
+        let passed = passed_by::<S, B>(simd, &diagonals, self.turned, reach, planes);
         // Nothing is said of items in nodes that have none.
         let some = u32::from(node.slots > CHILDREN).wrapping_neg();
         tested.items & !(passed & some)
@@ -159,8 +179,25 @@ impl Laid {
     }
 }
 
-/// Lanes of origins.
-const ORIGINS: u32 = 0b111 << 8 | 0b111;
+/// In each quarter, the origins of a grid by axis; and its steps, one lane to the right. What is besides is of the other, so that
+/// each is one piece of memory.
+#[inline(always)]
+fn quarters<S: Simd>(simd: S, grid: &Lattice8) -> [S::F16; 2] {
+    let [origins @ .., _, _] = &grid.grid;
+    let [_, _, steps @ ..] = &grid.grid;
+    [simd.quarters(origins), simd.quarters(steps)]
+}
+
+/// Numbers of axes, which begin with the first lane of each quarter, or with the second, each all over its quarters.
+#[inline(always)]
+fn over_axes<S: Simd>(simd: S, x: S::F16, to_the_right: bool) -> [S::F16; 3] {
+    let middle = [simd.over_quarters::<1>(x), simd.over_quarters::<2>(x)];
+    if to_the_right {
+        [middle[0], middle[1], simd.over_quarters::<3>(x)]
+    } else {
+        [simd.over_quarters::<0>(x), middle[0], middle[1]]
+    }
+}
 
 /// Near and far planes.
 #[inline(always)]

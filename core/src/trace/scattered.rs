@@ -31,6 +31,17 @@ impl Turns {
     }
 }
 
+/// Numbers of the tracks whose bits are set.
+#[inline(always)]
+fn numbers(mut tracks: u32) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let number = tracks.trailing_zeros() as usize & (TURNS - 1);
+        let some = tracks != 0;
+        tracks &= tracks.wrapping_sub(1);
+        some.then_some(number)
+    })
+}
+
 /// Numbers of some of the tracks.
 struct Numbers {
     numbers: [u8; TURNS],
@@ -147,14 +158,14 @@ pub(super) fn walk_scattered<S: Simd, B: Bounds8>(
         queries.counts.node_tests += u64::from((ALL & !idle).count_ones());
         // Nodes.
         let mut with_items = Numbers::NONE;
-        for (number, track) in tracks.iter_mut().enumerate() {
-            if idle >> number & 1 == 1 {
-                continue;
-            }
-            if queries.each {
-                let (v, lane) = split(track.ray);
+        if queries.each {
+            for number in numbers(ALL & !idle) {
+                let (v, lane) = split(tracks[number].ray);
                 queries.nodes[v][lane] += 1.0;
             }
+        }
+        for number in numbers(ALL & !idle) {
+            let track = &mut tracks[number];
             let node = &tree.nodes[track.at as usize];
             let laid = if node.frame == 0 {
                 &track.own
@@ -184,10 +195,8 @@ pub(super) fn walk_scattered<S: Simd, B: Bounds8>(
             items.push(simd, own, &node.children, track);
         }
         // Stacks.
-        for (number, track) in tracks.iter_mut().enumerate() {
-            if idle >> number & 1 == 1 {
-                continue;
-            }
+        for number in numbers(ALL & !idle) {
+            let track = &mut tracks[number];
             let node = &tree.nodes[track.at as usize];
             let step = track.step(simd, &node.children);
             idle |= u32::from(step.unwrap_or(true)) << number;

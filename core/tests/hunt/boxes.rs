@@ -219,10 +219,10 @@ fn quantized_planes() {
         );
         let mut worst = f64::NEG_INFINITY;
         let mut see = |lattice: &Lattice8, slot: usize, lo: f32, hi: f32| {
-            let step = f64::from(lattice.step[0]);
+            let step = f64::from(lattice.step()[0]);
             let plane = |side: usize| {
                 let q = f64::from(lattice.planes[0][side][slot]);
-                Exact::from(lattice.origin[0]) + Exact::product(step, q)
+                Exact::from(lattice.origin()[0]) + Exact::product(step, q)
             };
             let low = (Exact::from(lo) - plane(0)).value();
             let high = (plane(1) - Exact::from(hi)).value();
@@ -230,7 +230,7 @@ fn quantized_planes() {
                 worst = worst.max(2.0);
             }
             // The first and the last plane are exact, not padded.
-            if step > 0.0 && (1.0 / lattice.step[0]).is_finite() {
+            if step > 0.0 && (1.0 / lattice.step()[0]).is_finite() {
                 let inner = [
                     (lattice.planes[0][0][slot] > 0, low),
                     (lattice.planes[0][1][slot] < 255, high),

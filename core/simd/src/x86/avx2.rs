@@ -107,19 +107,6 @@ fn less8(x: F256, by: f64) -> F256 {
     })
 }
 
-/// 3 numbers, then 3 more and 2 zeros.
-#[inline(always)]
-fn sixes(first: &[f32; 3], last: &[f32; 3]) -> F256 {
-    x86!({
-        let to = _mm256_setr_epi32(-1, -1, -1, 0, 0, 0, 0, 0);
-        let more = _mm256_setr_epi32(0, 0, 0, -1, -1, -1, 0, 0);
-        // Nothing is read but the lanes that are set.
-        let first = _mm256_maskload_ps(first.as_ptr(), to);
-        let last = _mm256_maskload_ps(last.as_ptr().wrapping_sub(3), more);
-        F256(_mm256_or_ps(first, last))
-    })
-}
-
 /// Lanes of one and the other, in turns.
 #[inline(always)]
 fn zip8(even: F256, odd: F256) -> Pair {
@@ -275,19 +262,24 @@ impl Simd for Avx2 {
         [x.0, x.1]
     }
     #[inline(always)]
-    fn sixes(self, first: &[f32; 3], last: &[f32; 3]) -> Pair {
-        let half = sixes(first, last);
+    fn quarters(self, x: &[f32; 4]) -> Pair {
+        let half = x86!({
+            let x = _mm_loadu_ps(x.as_ptr());
+            F256(_mm256_insertf128_ps::<1>(_mm256_castps128_ps256(x), x))
+        });
         Pair(half, half)
     }
     #[inline(always)]
-    fn over_halves(self, x: Pair, lane: usize) -> Pair {
-        x86!({
-            let lane = _mm256_set1_epi32((lane & 7) as i32);
-            Pair(
-                F256(_mm256_permutevar8x32_ps(x.0.0, lane)),
-                F256(_mm256_permutevar8x32_ps(x.1.0, lane)),
-            )
-        })
+    fn over_quarters<const LANE: usize>(self, x: Pair) -> Pair {
+        let over = |x: F256| {
+            x86!(F256(match LANE & 3 {
+                0 => _mm256_permute_ps::<0b00_00_00_00>(x.0),
+                1 => _mm256_permute_ps::<0b01_01_01_01>(x.0),
+                2 => _mm256_permute_ps::<0b10_10_10_10>(x.0),
+                _ => _mm256_permute_ps::<0b11_11_11_11>(x.0),
+            }))
+        };
+        Pair(over(x.0), over(x.1))
     }
     #[inline(always)]
     fn bytes16(self, x: &[[u8; 8]; 2], order: &[u8; 16]) -> Pair {

@@ -142,17 +142,6 @@ const ZIPPED: [[i32; 16]; 2] = [
     [8, 24, 9, 25, 10, 26, 11, 27, 12, 28, 13, 29, 14, 30, 15, 31],
 ];
 
-/// A lane of each half, all over that half.
-static OVER_HALVES: [[i32; 16]; 8] = {
-    let mut out = [[0; 16]; 8];
-    let mut at = 0;
-    while at < 8 * 16 {
-        out[at / 16][at % 16] = (at / 16 + at % 16 / 8 * 8) as i32;
-        at += 1;
-    }
-    out
-};
-
 /// The first of each pair of lanes of two vectors, and the second.
 const UNZIPPED: [[i32; 16]; 2] = [
     [0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30],
@@ -294,21 +283,17 @@ impl Simd for Avx512 {
         ])
     }
     #[inline(always)]
-    fn sixes(self, first: &[f32; 3], last: &[f32; 3]) -> F512 {
-        let half = x86!({
-            // Nothing is read but the lanes that are set.
-            let half = _mm256_maskz_loadu_ps(0b111, first.as_ptr());
-            F256(_mm256_mask_loadu_ps(
-                half,
-                0b11_1000,
-                last.as_ptr().wrapping_sub(3),
-            ))
-        });
-        both(Pair(half, half))
+    fn quarters(self, x: &[f32; 4]) -> F512 {
+        x86!(F512(_mm512_broadcast_f32x4(_mm_loadu_ps(x.as_ptr()))))
     }
     #[inline(always)]
-    fn over_halves(self, x: F512, lane: usize) -> F512 {
-        permuted(&OVER_HALVES[lane & 7], x)
+    fn over_quarters<const LANE: usize>(self, x: F512) -> F512 {
+        x86!(F512(match LANE & 3 {
+            0 => _mm512_permute_ps::<0b00_00_00_00>(x.0),
+            1 => _mm512_permute_ps::<0b01_01_01_01>(x.0),
+            2 => _mm512_permute_ps::<0b10_10_10_10>(x.0),
+            _ => _mm512_permute_ps::<0b11_11_11_11>(x.0),
+        }))
     }
     #[inline(always)]
     fn bytes16(self, x: &[[u8; 8]; 2], order: &[u8; 16]) -> F512 {
