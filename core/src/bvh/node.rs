@@ -426,22 +426,22 @@ impl SlabRay {
         diagonals: &Diagonals,
     ) -> ([u32; 3], [S::F8; 3]) {
         let (mut turned, mut reach) = ([0; 3], [simd.all8(0.0); 3]);
-        let apart = |grid: &Lattice8, to: f32, others: S::F8, axis: usize| {
-            let step = simd.all8(grid.step()[axis]);
-            let (most, radius) = (simd.all8(STEP), simd.all8(diagonals.radius));
-            reaching((step, most, radius), simd.all8(to.abs()), others)
-        };
         for axis in 0..3 {
             if self.near_side[axis] != self.near_side[0] {
                 turned[axis] = CHILDREN;
             }
             let side = self.near_side[axis] & 1;
             let pads = (self.base[side ^ 1][axis] - self.base[side][axis]) * PADS;
-            let mut own = apart(bounds.start(), self.to_start[axis], simd.all8(pads), axis);
+            reach[axis] = simd.all8(pads);
+            let (most, radius) = (simd.all8(STEP), simd.all8(diagonals.radius));
+            let step = simd.all8(bounds.start().step()[axis]);
+            let to = simd.all8(self.to_start[axis].abs());
+            reach[axis] = reaching((step, most, radius), to, reach[axis]);
             if B::MOVING {
-                own = apart(bounds.end(), self.to_end[axis], own, axis);
+                let step = simd.all8(bounds.end().step()[axis]);
+                let to = simd.all8(self.to_end[axis].abs());
+                reach[axis] = reaching((step, most, radius), to, reach[axis]);
             }
-            reach[axis] = own;
         }
         (turned, reach)
     }

@@ -74,16 +74,11 @@ impl Laid {
             (base[0][a], base[1][a]) = (near, far);
             pads[a] = (-far - near) * PADS;
         }
-        let mirrored = |x: &[f32; 4]| {
-            let [near, far] = simd.of_halves(simd.quarters(x));
-            simd.halves(near, -far).to_array()
-        };
-        let right = |[x, y, z, none]: [f32; 4]| [none, x, y, z];
-        self.to_start = mirrored(&start);
-        self.steps_to[0] = mirrored(&right(start));
+        self.to_start = mirrored(simd, start);
+        self.steps_to[0] = mirrored(simd, right(start));
         if moving {
-            self.to_end = mirrored(&end);
-            self.steps_to[1] = mirrored(&right(end));
+            self.to_end = mirrored(simd, end);
+            self.steps_to[1] = mirrored(simd, right(end));
         }
         let [near, _] = simd.of_halves(simd.quarters(&base[0]));
         let [far, _] = simd.of_halves(simd.quarters(&base[1]));
@@ -151,14 +146,11 @@ impl Laid {
             planes
         };
         let planes = (&planes, &at_start);
-        let (most, radius) = (simd.all16(STEP), simd.all16(diagonals.radius));
-        let apart = |grid, to: &Lanes, others| {
-            let [_, steps] = quarters(simd, grid);
-            reaching((steps, most, radius), simd.from16(to).abs(), others)
-        };
-        let mut reach = apart(start, &self.steps_to[0], simd.from16(&self.pads));
+        let radius = diagonals.radius;
+        let pads = simd.from16(&self.pads);
+        let mut reach = apart(simd, (start, radius), &self.steps_to[0], pads);
         if B::MOVING {
-            reach = apart(end, &self.steps_to[1], reach);
+            reach = apart(simd, (end, radius), &self.steps_to[1], reach);
         }
         let [x, y, z] = over_axes(simd, reach, true);
         let reach = [
@@ -186,6 +178,27 @@ fn quarters<S: Simd>(simd: S, grid: &Lattice8) -> [S::F16; 2] {
     let [origins @ .., _, _] = &grid.grid;
     let [_, _, steps @ ..] = &grid.grid;
     [simd.quarters(origins), simd.quarters(steps)]
+}
+
+/// One lane to the right.
+#[inline(always)]
+fn right([x, y, z, none]: [f32; 4]) -> [f32; 4] {
+    [none, x, y, z]
+}
+
+/// In each quarter, for near planes and, mirrored, for far ones.
+#[inline(always)]
+fn mirrored<S: Simd>(simd: S, x: [f32; 4]) -> Lanes {
+    let [near, far] = simd.of_halves(simd.quarters(&x));
+    simd.halves(near, -far).to_array()
+}
+
+/// What ray and diagonals may be apart by, as [`reaching`] has it, as steps lie in a quarter: `to` is what these are multiplied by.
+#[inline(always)]
+fn apart<S: Simd>(simd: S, (grid, radius): (&Lattice8, f32), to: &Lanes, others: S::F16) -> S::F16 {
+    let [_, steps] = quarters(simd, grid);
+    let near = (steps, simd.all16(STEP), simd.all16(radius));
+    reaching(near, simd.from16(to).abs(), others)
 }
 
 /// Numbers of axes, which begin with the first lane of each quarter, or with the second, each all over its quarters.

@@ -32,14 +32,17 @@ impl Turns {
 }
 
 /// Numbers of the tracks whose bits are set.
-#[inline(always)]
-fn numbers(mut tracks: u32) -> impl Iterator<Item = usize> {
-    std::iter::from_fn(move || {
-        let number = tracks.trailing_zeros() as usize & (TURNS - 1);
-        let some = tracks != 0;
-        tracks &= tracks.wrapping_sub(1);
+struct Tracks(u32);
+
+impl Iterator for Tracks {
+    type Item = usize;
+    #[inline(always)]
+    fn next(&mut self) -> Option<usize> {
+        let number = self.0.trailing_zeros() as usize & (TURNS - 1);
+        let some = self.0 != 0;
+        self.0 &= self.0.wrapping_sub(1);
         some.then_some(number)
-    })
+    }
 }
 
 /// Numbers of some of the tracks.
@@ -159,12 +162,12 @@ pub(super) fn walk_scattered<S: Simd, B: Bounds8>(
         // Nodes.
         let mut with_items = Numbers::NONE;
         if queries.each {
-            for number in numbers(ALL & !idle) {
+            for number in Tracks(ALL & !idle) {
                 let (v, lane) = split(tracks[number].ray);
                 queries.nodes[v][lane] += 1.0;
             }
         }
-        for number in numbers(ALL & !idle) {
+        for number in Tracks(ALL & !idle) {
             let track = &mut tracks[number];
             let node = &tree.nodes[track.at as usize];
             let laid = if node.frame == 0 {
@@ -195,7 +198,7 @@ pub(super) fn walk_scattered<S: Simd, B: Bounds8>(
             items.push(simd, own, &node.children, track);
         }
         // Stacks.
-        for number in numbers(ALL & !idle) {
+        for number in Tracks(ALL & !idle) {
             let track = &mut tracks[number];
             let node = &tree.nodes[track.at as usize];
             let step = track.step(simd, &node.children);
