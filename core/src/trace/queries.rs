@@ -13,8 +13,6 @@ pub(super) struct Queries {
     pub any: bool,
     /// They were put together by [direction](super::by_direction).
     pub sorted: bool,
-    /// They came to objects that are not of strands.
-    pub surfaces: bool,
     /// The best hits; misses but for their `t`, which is `t_max`, before there are any.
     pub best: [Hit; PACKET],
     /// `t_min` of each, and `t_max` below mirrored.
@@ -38,7 +36,6 @@ impl Queries {
     pub const NONE: Queries = Queries {
         any: false,
         sorted: false,
-        surfaces: false,
         best: [Hit::MISS; PACKET],
         ranges: [[[f32::INFINITY; 2]; LANES]; VECTORS],
         t_min: [[f32::INFINITY; LANES]; VECTORS],
@@ -57,7 +54,6 @@ impl Queries {
     pub const SPOILED: Queries = Queries {
         any: true,
         sorted: true,
-        surfaces: true,
         best: [Hit {
             t: 0.0,
             instance: 0,
@@ -135,7 +131,7 @@ impl Queries {
     #[inline(always)]
     pub fn ask(&mut self, any: bool, each: bool, count: usize) {
         (self.any, self.each) = (any, each);
-        (self.sorted, self.surfaces) = (false, false);
+        self.sorted = false;
         self.counts = TraceCounts {
             rays: count as u64,
             ..TraceCounts::default()

@@ -115,15 +115,15 @@ impl World {
     /// Asks about rays, as many as there are answers.
     fn ask_many(&self, rays: &[Ray], mut answers: Answers<'_>) -> TraceCounts {
         let mut counts = TraceCounts::default();
-        let mut first = 0;
+        let mut begin = 0;
         for batch in rays.chunks(BATCH) {
-            let mut own = answers.some(first..first + batch.len());
-            first += batch.len();
-            // The first packet tells whether there is anything for which an order pays.
+            let mut own = answers.some(begin..begin + batch.len());
+            begin += batch.len();
+            // The first packet tells whether there is so much to test that an order pays.
             let (packet, rest) = batch.split_at(batch.len().min(PACKET));
-            let asked = self.ask_packet(packet, None, own.some(0..packet.len()), None);
-            counts = counts + asked.counts;
-            let order = match asked.surfaces && asked.counts.tests() >= COSTLY * PACKET as u64 {
+            let first = self.ask_packet(packet, None, own.some(0..packet.len()), None);
+            counts = counts + first;
+            let order = match first.tests() >= COSTLY * PACKET as u64 {
                 true => by_direction(self.level, rest),
                 false => None,
             };
@@ -135,13 +135,13 @@ impl World {
                         *ray = rest[usize::from(i)];
                     }
                     let all = rest_of_own.some(0..rest.len());
-                    let asked = self.ask_packet(&sorted[..numbers.len()], Some(numbers), all, None);
-                    counts = counts + asked.counts;
+                    let packet = &sorted[..numbers.len()];
+                    counts = counts + self.ask_packet(packet, Some(numbers), all, None);
                 }
             } else {
                 for (k, packet) in rest.chunks(PACKET).enumerate() {
                     let own = rest_of_own.some(k * PACKET..k * PACKET + packet.len());
-                    counts = counts + self.ask_packet(packet, None, own, None).counts;
+                    counts = counts + self.ask_packet(packet, None, own, None);
                 }
             }
         }
@@ -156,7 +156,7 @@ impl World {
         numbers: Option<&[u16]>,
         answers: Answers<'_>,
         each: Option<&mut [TraceCounts]>,
-    ) -> Asked {
+    ) -> TraceCounts {
         let level = self.level;
         ROOM.with(|cell| {
             let mut room = cell.take().unwrap_or_default();
@@ -174,7 +174,7 @@ impl World {
     }
 
     #[inline(always)]
-    fn query_packet<S: Simd>(&self, simd: S, asked: Many<'_>) -> Asked {
+    fn query_packet<S: Simd>(&self, simd: S, asked: Many<'_>) -> TraceCounts {
         let Many {
             rays,
             numbers,
@@ -215,13 +215,10 @@ impl World {
                 cell_tests: queries.cells[v][lane] as u64,
             };
         }
-        let asked = Asked {
-            counts: queries.counts,
-            surfaces: queries.surfaces,
-        };
+        let counts = queries.counts;
         room.give_back_queries(queries);
         room.give_back(space);
-        asked
+        counts
     }
 
     /// Gives the instances that rays came to, and whose objects are not made.
@@ -293,7 +290,6 @@ impl World {
         }
         let rays = &space.rays[..rays.len().min(VECTORS)];
         let strands = object.blas().is_of_strands();
-        queries.surfaces |= !strands;
         // Of strands, neighbours in space have more in common than those that go one way.
         let scattered = strands && (queries.sorted || are_scattered(simd, rays, lanes));
         self.level.run(InsideMany {
@@ -424,18 +420,10 @@ struct Many<'a> {
     room: &'a mut Room,
 }
 
-/// What a packet of queries tells besides its answers.
-struct Asked {
-    /// What all rays cost.
-    counts: TraceCounts,
-    /// Rays came to objects that are not of strands.
-    surfaces: bool,
-}
-
 impl Kernel for Many<'_> {
-    type Output = Asked;
+    type Output = TraceCounts;
     #[inline(always)]
-    fn run<S: Simd>(self, simd: S) -> Asked {
+    fn run<S: Simd>(self, simd: S) -> TraceCounts {
         self.world.query_packet(simd, self)
     }
 }
@@ -513,7 +501,7 @@ mod tests {
             for level in Level::available() {
                 let patches = || swarm(4000, false, keys);
                 let both = vec![patches(), swarm(4000, true, keys)];
-                for instances in [vec![patches()], both] {
+                for instances in [vec![patches()], vec![swarm(4000, true, keys)], both] {
                     let world = World::build(instances, DVec3::ZERO).with_level(level);
                     // A batch and a half; the last packet is not full.
                     let rays = leaving(3 * BATCH / 2 + 7);
