@@ -151,7 +151,10 @@ if [ $tools = 1 ]; then install_once dev scripts/requirements.txt scripts/requir
 # --- Release build and the command ---------------------------------------------------------------
 
 if [ $build = 1 ]; then
-    cargo build --release --workspace --locked
+    # The libraries; benches and examples are for those who test.
+    packages=(--package hdtrapeze-capi)
+    if [ $tools = 1 ]; then packages=(--workspace); fi
+    cargo build --release "${packages[@]}" --locked
 fi
 
 # `hdtrapeze` runs from the checkout: an editable install, which finds the library in target/release.
