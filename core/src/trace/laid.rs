@@ -148,9 +148,9 @@ impl Laid {
         let planes = (&planes, &at_start);
         let radius = diagonals.radius;
         let pads = simd.from16(&self.pads);
-        let mut reach = apart(simd, (start, radius), &self.steps_to[0], pads);
+        let mut reach = add_reach(simd, (start, radius), &self.steps_to[0], pads);
         if B::MOVING {
-            reach = apart(simd, (end, radius), &self.steps_to[1], reach);
+            reach = add_reach(simd, (end, radius), &self.steps_to[1], reach);
         }
         let [x, y, z] = over_axes(simd, reach, true);
         let reach = [
@@ -195,10 +195,15 @@ fn mirrored<S: Simd>(simd: S, x: [f32; 4]) -> Lanes {
 
 /// What ray and diagonals may be apart by, as [`reaching`] has it, as steps lie in a quarter: `to` is what these are multiplied by.
 #[inline(always)]
-fn apart<S: Simd>(simd: S, (grid, radius): (&Lattice8, f32), to: &Lanes, others: S::F16) -> S::F16 {
+fn add_reach<S: Simd>(
+    simd: S,
+    (grid, radius): (&Lattice8, f32),
+    to: &Lanes,
+    others: S::F16,
+) -> S::F16 {
     let [_, steps] = quarters(simd, grid);
-    let near = (steps, simd.all16(STEP), simd.all16(radius));
-    reaching(near, simd.from16(to).abs(), others)
+    let parts = (steps, simd.all16(STEP), simd.all16(radius));
+    reaching(parts, simd.from16(to).abs(), others)
 }
 
 /// Numbers of axes, which begin with the first lane of each quarter, or with the second, each all over its quarters.

@@ -290,7 +290,7 @@ impl World {
         }
         let rays = &space.rays[..rays.len().min(VECTORS)];
         let strands = object.blas().is_of_strands();
-        // Of strands, neighbours in space have more in common than those that go one way.
+        // Rays that were sorted go one way, but have less in common in strands than packets need.
         let scattered = strands && (queries.sorted || are_scattered(simd, rays, lanes));
         self.level.run(InsideMany {
             object,
