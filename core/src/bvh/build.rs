@@ -3,7 +3,8 @@
 //! Each range of items is split in two at the cheapest of 16 bins (8 for few items) on each axis, by
 //! `area(left) n(left) + area(right) n(right)` with areas averaged over the shutter (Wald, "On Fast
 //! Construction of SAH-based Bounding Volume Hierarchies", RT 2007); the child of largest area is
-//! split again until a node has 8 children. Where no bin separates the items (all centres equal), or
+//! split again until a node has 8 children. Of up to a thousand items all splits are made first, and the children of nodes are chosen
+//! among them so that rays open the fewest ([`super::plan`]). Where no bin separates the items (all centres equal), or
 //! where the tree is already deep, the range is halved: depth stays logarithmic for any input.
 //!
 //! Where items are parts of strands, a range may be turned: its boxes are bounded anew in a frame along
@@ -25,6 +26,7 @@ use super::diagonal;
 use super::extent::Extent;
 use super::node::pack_hulls;
 use super::orient::{MOST_ITEMS, Strands, Tries, Turned};
+use super::plan::{self, Plan};
 use super::range::{Items, Range, children};
 use super::sorted::{Hull, Sorted};
 use super::turn::Turning;
@@ -84,10 +86,22 @@ pub fn build<B: Bounds8>(boxes: impl IntoIterator<Item = (u32, LinearBox)>) -> T
 /// What matters where ranges become small.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Nodes {
-    /// Surface-area cost alone: nodes have 4 to 5 children on average.
+    /// Surface-area cost alone: nodes have 5 to 7 children on average.
     Cheap,
-    /// Full nodes: nearly half the memory, for 2 to 3 % more time a ray.
+    /// Full nodes: less memory, for hardly more time a ray.
     Full,
+}
+
+impl Nodes {
+    /// Ranges of so many items, or more, are split.
+    pub fn least_split(self) -> usize {
+        match self {
+            // To split fewer takes longer than it saves.
+            Self::Cheap => 5,
+            // Up to 8 items are one full node.
+            Self::Full => 9,
+        }
+    }
 }
 
 /// Builds the tree over `items`, all in the space that they are given in. Once `cancel` is raised it ends soon, with
@@ -226,6 +240,23 @@ fn build_node<B: Bounds8>(
         tree.nodes.push(node_over_items(items, below));
         return index;
     }
+    if range.planned.is_some() || range.items.len() > plan::MOST_ITEMS {
+        return build_children(tree, range, below, tries);
+    }
+    let items = range.items.side_by_side();
+    let plan = Plan::new(below.level, items, &range.extent, below.kind, below.depth);
+    let range = Range::planned(Items::There(items), range.extent.bounds, plan.whole());
+    build_children(tree, range, below, tries)
+}
+
+/// The same of more than 8 items, which stay in the frame that they are in.
+fn build_children<B: Bounds8>(
+    tree: &mut Tree<B>,
+    range: Range<'_, B::Hull>,
+    mut below: Below<'_>,
+    tries: &mut Tries,
+) -> u32 {
+    let index = tree.nodes.len() as u32;
     let ranges = children(range, below.level, below.kind, below.depth);
     tree.nodes.push(node_over_ranges(&ranges, below));
     below.depth += 1;

@@ -48,10 +48,10 @@ impl<H: Hull> Extent<H> {
         [-c[4] - c[0], -c[5] - c[1], -c[6] - c[2]]
     }
 
-    /// Of an item that is not split.
-    pub fn single(item: &Sorted<H>) -> Self {
+    /// Of what is in a box, and not split.
+    pub fn unsplit(bounds: H) -> Self {
         Self {
-            bounds: item.bounds,
+            bounds,
             ..Self::EMPTY
         }
     }

@@ -51,6 +51,7 @@ pub mod node;
 pub mod object;
 pub mod orient;
 pub mod outline;
+mod plan;
 mod radii8;
 mod range;
 pub mod relative;

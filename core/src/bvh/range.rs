@@ -6,6 +6,7 @@ use hdtrapeze_simd::{Level, Scalar};
 use super::build::Nodes;
 use super::coarse::{Cell, Known, Listed};
 use super::extent::Extent;
+use super::plan::Planned;
 use super::sorted::{Hull, Sorted};
 use super::split::split;
 
@@ -82,6 +83,8 @@ pub struct Range<'a, H: Hull> {
     area: f32,
     /// Its split, where that is known.
     pub known: Option<&'a Known<H>>,
+    /// What becomes of it, where that is planned.
+    pub planned: Option<Planned<'a, H>>,
 }
 
 impl<'a, H: Hull> Range<'a, H> {
@@ -92,17 +95,32 @@ impl<'a, H: Hull> Range<'a, H> {
             extent,
             known,
             area: H::area(Scalar, extent.bounds.load(Scalar)),
+            planned: None,
+        }
+    }
+
+    /// More than 8 items, in such a box, of which it is planned what becomes of them.
+    pub fn planned(items: Items<'a, H>, bounds: H, planned: Planned<'a, H>) -> Self {
+        Self {
+            planned: Some(planned),
+            ..Self::whole(items, bounds)
+        }
+    }
+
+    /// Items in such a box that are not split.
+    fn whole(items: Items<'a, H>, bounds: H) -> Self {
+        Self {
+            items,
+            extent: Extent::unsplit(bounds),
+            area: 0.0,
+            known: None,
+            planned: None,
         }
     }
 
     /// One item.
     fn single(items: Items<'a, H>, item: &Sorted<H>) -> Self {
-        Self {
-            items,
-            extent: Extent::single(item),
-            area: 0.0,
-            known: None,
-        }
+        Self::whole(items, item.bounds)
     }
 
     /// The item of a range that has no others.
@@ -155,9 +173,21 @@ pub fn children<'a, H: Hull>(
     depth: usize,
 ) -> Children<'a, H> {
     let mut ranges = Children::new();
+    if let Some(planned) = range.planned {
+        let mut rest = range.items;
+        for child in planned.children() {
+            let [own, others] = rest.split_at(child.count, 0);
+            rest = others;
+            ranges.push(match (own.first().copied(), child.planned) {
+                (Some(item), _) if child.count == 1 => Range::single(own, &item),
+                (_, Some(planned)) => Range::planned(own, child.bounds, planned),
+                _ => Range::whole(own, child.bounds),
+            });
+        }
+        return ranges;
+    }
     ranges.push(range);
-    // Up to 8 items are one full node.
-    let least = if kind == Nodes::Full { 8 } else { 1 };
+    let least = kind.least_split() - 1;
     while ranges.len() < 8 {
         // The largest range first. Ties (and areas that are all 0) go to the one with most
         // items, so that flat input stays balanced too.
