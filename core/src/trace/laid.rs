@@ -254,6 +254,12 @@ impl Tested {
             items: u32::MAX,
         }
     }
+
+    /// True where more than one child that is a node may be hit.
+    #[inline(always)]
+    pub fn enters_several(&self) -> bool {
+        self.inner & self.inner.wrapping_sub(1) != 0
+    }
 }
 
 /// The order of planes for rays that go upward, and downward.

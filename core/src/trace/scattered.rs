@@ -13,7 +13,7 @@ use hdtrapeze_simd::Simd;
 use super::packet::{PACKET, Packet, Record, Slabs, split, turn_few};
 use super::queries::Queries;
 use super::track::Track;
-use crate::bvh::{Bounds8, Tree};
+use crate::bvh::{Bounds8, Node, Tree};
 
 /// Rays that take turns.
 const TURNS: usize = 16;
@@ -42,32 +42,6 @@ impl Iterator for Tracks {
         let some = self.0 != 0;
         self.0 &= self.0.wrapping_sub(1);
         some.then_some(number)
-    }
-}
-
-/// Numbers of some of the tracks.
-struct Numbers {
-    numbers: [u8; TURNS],
-    count: usize,
-}
-
-impl Numbers {
-    const NONE: Numbers = Numbers {
-        numbers: [0; TURNS],
-        count: 0,
-    };
-
-    /// Number `k` of them.
-    #[inline(always)]
-    fn get(&self, k: usize) -> usize {
-        usize::from(self.numbers[k & (TURNS - 1)]) & (TURNS - 1)
-    }
-
-    /// One more, if it is to be there.
-    #[inline(always)]
-    fn push(&mut self, number: usize, there: bool) {
-        self.numbers[self.count & (TURNS - 1)] = number as u8;
-        self.count += usize::from(there);
     }
 }
 
@@ -159,8 +133,8 @@ pub(super) fn walk_scattered<S: Simd, B: Bounds8>(
             return left_out;
         }
         queries.counts.node_tests += u64::from((ALL & !idle).count_ones());
-        // Nodes.
-        let mut with_items = Numbers::NONE;
+        // Nodes, and the tracks that have come to items, and to several subtrees.
+        let (mut with_items, mut with_several) = (0, 0);
         if queries.each {
             for number in Tracks(ALL & !idle) {
                 let (v, lane) = split(tracks[number].ray);
@@ -182,12 +156,13 @@ pub(super) fn walk_scattered<S: Simd, B: Bounds8>(
                 &track.turned
             };
             laid.test(simd, node, &track.span, &mut track.tested);
-            with_items.push(number, track.tested.items != 0);
+            with_items |= u32::from(track.tested.items != 0) << number;
+            with_several |= u32::from(track.tested.enters_several()) << number;
         }
         // Diagonals.
         items.count = 0;
-        for k in 0..with_items.count {
-            let track = &tracks[with_items.get(k)];
+        for number in Tracks(with_items) {
+            let track = &tracks[number];
             let node = &tree.nodes[track.at as usize];
             let mut own = track.tested.items;
             if diagonals {
@@ -197,16 +172,28 @@ pub(super) fn walk_scattered<S: Simd, B: Bounds8>(
             }
             items.push(simd, own, &node.children, track);
         }
-        // Stacks.
-        for number in Tracks(ALL & !idle) {
+        // Stacks: most rays enter one subtree or none, which need no order.
+        for number in Tracks(ALL & !idle & !with_several) {
             let track = &mut tracks[number];
-            let node = &tree.nodes[track.at as usize];
-            let step = track.step(simd, &node.children);
-            idle |= u32::from(step.unwrap_or(true)) << number;
-            if step.is_none() {
-                left_out |= 1 << track.ray;
-            }
-            simd.expect(&tree.nodes, track.at as usize);
+            let step = track.step_to_one(&tree.nodes[track.at as usize].children);
+            stepped(
+                simd,
+                step,
+                (number, track),
+                &tree.nodes,
+                (&mut idle, &mut left_out),
+            );
+        }
+        for number in Tracks(with_several) {
+            let track = &mut tracks[number];
+            let step = track.step(simd, &tree.nodes[track.at as usize].children);
+            stepped(
+                simd,
+                step,
+                (number, track),
+                &tree.nodes,
+                (&mut idle, &mut left_out),
+            );
         }
         // Items.
         let mut found = take(&items, queries);
@@ -227,6 +214,22 @@ pub(super) fn walk_scattered<S: Simd, B: Bounds8>(
             idle |= u32::from(t_max == f32::NEG_INFINITY) << number;
         }
     }
+}
+
+/// A track has taken a step, or cannot: it is idle where its ray is done, and asks for its next node.
+#[inline(always)]
+fn stepped<S: Simd, B: Bounds8>(
+    simd: S,
+    step: Option<bool>,
+    (number, track): (usize, &Track),
+    nodes: &[Node<B>],
+    (idle, left_out): (&mut u32, &mut u64),
+) {
+    *idle |= u32::from(step.unwrap_or(true)) << number;
+    if step.is_none() {
+        *left_out |= 1 << track.ray;
+    }
+    simd.expect(nodes, track.at as usize);
 }
 
 #[cfg(test)]

@@ -85,6 +85,24 @@ impl Track {
         Some(count == 0)
     }
 
+    /// As [`Self::step`], where no more than one subtree is entered.
+    #[inline(always)]
+    pub fn step_to_one(&mut self, children: &[u32; 8]) -> Option<bool> {
+        let inner = self.tested.inner;
+        debug_assert!(!self.tested.enters_several());
+        let child = inner.trailing_zeros() as usize & 7;
+        let first = self.waiting;
+        if first > DEPTH - 8 {
+            return None;
+        }
+        // Without meaning where none is entered.
+        (self.nodes[first], self.near[first]) = (children[child], self.tested.near[child]);
+        let count = first + usize::from(inner != 0);
+        self.waiting = count.saturating_sub(1);
+        self.at = self.nodes[self.waiting & (DEPTH - 1)];
+        Some(count == 0)
+    }
+
     /// Drops subtrees that begin behind `t_max`.
     #[inline(always)]
     pub fn drop_behind<S: Simd>(&mut self, simd: S, t_max: f32) {
@@ -150,15 +168,24 @@ mod tests {
                 all.sort_by(|a, b| b.1.total_cmp(&a.1));
                 all.splice(0..0, before.iter().copied());
                 let next = all.pop();
-                let Some(done) = track.step(simd, &children) else {
-                    assert!(before.len() > DEPTH - 8);
-                    continue;
-                };
-                assert_eq!(done, next.is_none());
-                if let Some((node, _)) = next {
-                    assert_eq!(track.at, node);
+                let alone = inner.count_ones() < 2;
+                for to_one in [false, true] {
+                    let mut track = track;
+                    let step = match to_one {
+                        false => track.step(simd, &children),
+                        true if alone => track.step_to_one(&children),
+                        true => continue,
+                    };
+                    let Some(done) = step else {
+                        assert!(before.len() > DEPTH - 8);
+                        continue;
+                    };
+                    assert_eq!(done, next.is_none());
+                    if let Some((node, _)) = next {
+                        assert_eq!(track.at, node);
+                    }
+                    assert_eq!(waiting(&track), all);
                 }
-                assert_eq!(waiting(&track), all);
             }
         }
     }
