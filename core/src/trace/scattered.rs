@@ -172,7 +172,7 @@ pub(super) fn walk_scattered<S: Simd, B: Bounds8>(
             }
             items.push(simd, own, &node.children, track);
         }
-        // Stacks: most rays enter one subtree or none, which need no order.
+        // Stacks. One subtree or none needs no order.
         for number in Tracks(ALL & !idle & !with_several) {
             let track = &mut tracks[number];
             let step = track.step_to_one(&tree.nodes[track.at as usize].children);
