@@ -48,6 +48,8 @@ pub struct BuiltBlock<B: Bounds8> {
     pub aabb: LinearBox,
     /// Frame, if oriented bounds pay.
     pub frame: Option<B::Turning>,
+    /// What oriented bounds cost of what others do, where they were tried: less than 1 if they pay.
+    pub share: Option<f32>,
 }
 
 /// True when all coordinates of a grid's vertices are finite, and within [`COORDINATE_LIMIT`].
@@ -187,7 +189,7 @@ impl<B: Bounds8> Kernel for Bound<'_, B> {
         }
         let cost = best.area(simd, B::MOVING, span.count);
         let turn = whole * TURN_COST;
-        let mut frame = None;
+        let (mut frame, mut share) = (None, None);
         // So have boxes of any frame: where that saves nothing, none is tried.
         if !upright
             && surface + turn < cost
@@ -195,7 +197,9 @@ impl<B: Bounds8> Kernel for Bound<'_, B> {
         {
             let turned = boxes_in(simd, vertices, &groups, &candidate);
             let area = turned.area(simd, B::MOVING, span.count);
-            if area + THICK * (area - surface) + turn < cost {
+            let own = area + THICK * (area - surface) + turn;
+            share = Some(own / cost);
+            if own < cost {
                 (best, frame) = (turned, Some(candidate));
             }
         }
@@ -207,6 +211,7 @@ impl<B: Bounds8> Kernel for Bound<'_, B> {
             },
             aabb,
             frame,
+            share,
         })
     }
 }

@@ -25,7 +25,7 @@ use super::coarse::{COARSE_ITEMS, coarse, numbered};
 use super::diagonal;
 use super::extent::Extent;
 use super::node::pack_hulls;
-use super::orient::{MOST_ITEMS, Strands, Tries, Turned};
+use super::orient::{BySize, MOST_ITEMS, Strands, Turned};
 use super::plan::{self, Plan};
 use super::range::{Items, Range, children};
 use super::sorted::{Hull, Sorted};
@@ -218,7 +218,7 @@ fn build_node<B: Bounds8>(
     tree: &mut Tree<B>,
     mut range: Range<'_, B::Hull>,
     mut below: Below<'_>,
-    tries: &mut Tries,
+    tries: &mut BySize,
 ) -> u32 {
     if let Some(strands) = below.strands
         && below.frame == 0
@@ -254,7 +254,7 @@ fn build_children<B: Bounds8>(
     tree: &mut Tree<B>,
     range: Range<'_, B::Hull>,
     mut below: Below<'_>,
-    tries: &mut Tries,
+    tries: &mut BySize,
 ) -> u32 {
     let index = tree.nodes.len() as u32;
     let ranges = children(range, below.level, below.kind, below.depth);
@@ -271,7 +271,7 @@ fn build_child<B: Bounds8>(
     tree: &mut Tree<B>,
     range: Range<'_, B::Hull>,
     below: Below<'_>,
-    tries: &mut Tries,
+    tries: &mut BySize,
 ) -> u32 {
     match range.items.first() {
         None => Tree::<B>::EMPTY,
@@ -315,7 +315,7 @@ fn grow<B: Bounds8>(range: Range<'_, B::Hull>, mut below: Below<'_>) -> Grown<B>
     };
     if count <= PARALLEL_ITEMS {
         tree.nodes.reserve(count / 4 + 1);
-        tree.root = build_child(tree, range, below, &mut Tries::default());
+        tree.root = build_child(tree, range, below, &mut BySize::default());
         return grown;
     }
     let ranges = children(range, below.level, below.kind, below.depth);

@@ -61,6 +61,7 @@ mod strip8;
 mod sway;
 mod tame;
 mod thin;
+mod tries;
 pub mod turn;
 
 pub use build::Tree;

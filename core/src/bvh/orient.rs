@@ -6,7 +6,7 @@
 //! built in it: splits and all nodes are along strands, and a ray that has been turned stays so from node to
 //! node. Ranges are tried from [`MOST_ITEMS`] downward, each a quarter of the last or smaller, and last the
 //! items of a single node, so that combed fur is turned in large parts, and tousled fur where a few
-//! strands happen to agree. Where several ranges of a size were tried in vain, only some of the next are ([`Tries`]): of fur whose
+//! strands happen to agree. Where several ranges of a size were tried in vain, only some of the next are ([`super::tries`]): of fur whose
 //! strands cross, what was tried took a sixth to a fifth of the time of a build. Which way strands go is looked up at their vertices only
 //! where the boxes of some of a range's items tell that a frame may pay. Where strands swing, the frame turns with their mean direction, about what is at right angles to
 //! it at both ends of the shutter ([`super::turn`]): its third axis goes along, and the first two stay.
@@ -22,6 +22,7 @@ use super::extent::Extent;
 use super::guess::{Guess, Guessed};
 use super::object::loose_group;
 use super::sorted::{Hull, Sorted};
+use super::tries::Tries;
 use super::turn::{Between, Pose, Turning};
 use super::{Bounds8, Frame};
 use crate::grid::PlanarMesh;
@@ -56,40 +57,33 @@ const PATIENCE: u32 = 4;
 /// One of so many is tried from then on, until one is turned.
 const EVERY: u32 = 16;
 
-/// Ranges that came since one of their size was turned, by size, a quarter each: those of a node, up to 4 times as many, and so
-/// on. Of one thread's part of a tree, so that it is the same for any number of threads.
+/// Ranges of one thread's part of a tree, by size, a quarter each: those of a node, up to 4 times as many, and so on.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Tries([u32; 5]);
+pub struct BySize([Tries<PATIENCE, EVERY>; 5]);
 
-impl Tries {
+impl BySize {
     /// As [`Strands::turn`], or none where that is not likely to pay.
     pub fn turn<B: Bounds8>(
         &mut self,
         strands: &Strands<'_>,
         items: &[Sorted<B::Hull>],
     ) -> Option<Turned<B>> {
-        let since = self.since(items.len());
-        *since += 1;
-        if !is_due(*since) {
+        let tries = self.of(items.len());
+        if !tries.is_due() {
             return None;
         }
-        let turned = strands.turn::<B>(items)?;
-        *since = 0;
-        Some(turned)
+        let turned = strands.turn::<B>(items);
+        tries.tried(turned.is_none());
+        turned
     }
 
-    fn since(&mut self, count: usize) -> &mut u32 {
+    fn of(&mut self, count: usize) -> &mut Tries<PATIENCE, EVERY> {
         let (mut size, mut most) = (0, GROUPS);
         while count > most && size < self.0.len() - 1 {
             (size, most) = (size + 1, 4 * most);
         }
         &mut self.0[size]
     }
-}
-
-/// True for the range that comes `since` one was turned, from 1 on, where it is to be tried.
-fn is_due(since: u32) -> bool {
-    since <= PATIENCE || since.is_multiple_of(EVERY)
 }
 
 /// The groups of a mesh that a tree is built over.
@@ -294,16 +288,20 @@ mod tests {
     use super::*;
 
     #[test]
-    fn fewer_ranges_are_tried_where_they_were_tried_in_vain() {
-        let due: Vec<u32> = (1..100).filter(|&since| is_due(since)).collect();
-        assert_eq!(due, [1, 2, 3, 4, 16, 32, 48, 64, 80, 96]);
-        let mut tries = Tries::default();
-        // Each size by itself.
-        let sizes = [8, 32, 128, 512, 2048];
-        for (size, count) in (1..).zip(sizes) {
-            *tries.since(count) += size;
-            *tries.since(count / 4 + 1) += 10 * size;
+    fn ranges_of_each_size_are_tried_by_themselves() {
+        let mut sizes = BySize::default();
+        for (size, count) in [8, 32, 128, 512, 2048].into_iter().enumerate() {
+            for count in [count, count / 4 + 1] {
+                for _ in 0..=size {
+                    sizes.of(count).tried(true);
+                }
+            }
         }
-        assert_eq!(tries.0, [1 + 10, 2 + 20, 3 + 30, 4 + 40, 5 + 50]);
+        let in_vain = |times: u32| {
+            let mut tries = Tries::default();
+            (0..times).for_each(|_| tries.tried(true));
+            tries
+        };
+        assert_eq!(sizes.0, [2, 4, 6, 8, 10].map(in_vain));
     }
 }
