@@ -1,5 +1,6 @@
 //! What trees that are made elsewhere, on a GPU, are made over, bounded here: grids are cut as they are there, where it follows from
-//! their rates alone. No block is halved, all strips are loose, and none is cut into single micropolygons.
+//! their rates alone. No block is halved, all strips are loose, and none is cut into single micropolygons;
+//! a frame is tried for each block where it may pay.
 
 use hdtrapeze_simd::Level;
 

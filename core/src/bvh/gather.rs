@@ -29,11 +29,12 @@ use crate::grid::{DicedMesh, Grid, PlanarMesh};
 const LOOSE_SHARE: f32 = 0.5;
 /// Blocks of a run of grids for which a frame is tried in vain before some are passed over.
 const PATIENCE: u32 = 8;
-/// For one of so many it is tried from then on, until one has a frame, or nearly.
+/// For one of so many it is tried from then on, until one has a frame.
 const EVERY: u32 = 4;
-/// Where a frame costs no more than this of what bounds without it do, it is likely to pay near by: so it is on a smooth sheet, where
-/// those that do not pay cost up to 1.3 times as much, but not on small patches that are bent, where they cost 1.1 to 2.3 times as much.
-const NEARLY: f32 = 1.1;
+/// What is tried is in vain where a frame costs more than this of what bounds without it do. Where it costs less, it is likely to pay near
+/// by: so it is on a smooth sheet, where those that do not pay cost up to 1.3 times as much, but not on small patches that are bent and move,
+/// where most cost 1.4 to 2.3 times as much.
+const IN_VAIN: f32 = 1.3;
 
 /// Items of a run of grids, in their order.
 pub struct Part<B: Bounds8> {
@@ -197,8 +198,8 @@ impl<B: Bounds8> Part<B> {
                 }
             };
             let mut block = built.block;
-            if let Some(share) = built.share {
-                self.tries.tried(share > NEARLY);
+            if let Some(share) = built.share.filter(|&share| share < 1.0 || share > IN_VAIN) {
+                self.tries.tried(share > IN_VAIN);
             }
             if let Some(frame) = built.frame {
                 self.frames.push(frame);
