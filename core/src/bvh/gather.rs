@@ -198,8 +198,11 @@ impl<B: Bounds8> Part<B> {
                 }
             };
             let mut block = built.block;
-            if let Some(share) = built.share.filter(|&share| share < 1.0 || share > IN_VAIN) {
-                self.tries.tried(share > IN_VAIN);
+            match built.share {
+                Some(share) if share > IN_VAIN => self.tries.tried(true),
+                Some(_) if built.frame.is_some() => self.tries.tried(false),
+                // Nothing was tried, or it is likely to pay near by.
+                _ => (),
             }
             if let Some(frame) = built.frame {
                 self.frames.push(frame);
