@@ -32,6 +32,18 @@ const JUDGED: [usize; 2] = [4, 16];
 /// Cells along a side of the square.
 const SIDE: usize = 16;
 
+/// False where rays go about the same way, of which a packet is one of many: [`by_direction`] would most likely keep the order of all, and
+/// looks at rays all over memory to tell.
+pub fn goes_many_ways(packet: &[Ray]) -> bool {
+    let [_, of_each] = JUDGED;
+    let mut ways = Around::NOTHING;
+    for ray in packet.iter().step_by((packet.len() / of_each).max(1)) {
+        ways.add(way(ray));
+    }
+    // Half of what packets need in the mean.
+    ways.widest() >= 0.5 * MIXED * ALL_WAYS
+}
+
 /// Numbers of `rays` in an order in which packets go fewer ways; `None` where the order that they have stays. Any thread.
 ///
 /// # Panics
@@ -356,11 +368,18 @@ mod tests {
             let all = rays.iter().enumerate();
             all.map(|(i, ray)| change(i, *ray)).collect()
         };
-        // They go one way.
-        none(&changed(&|_, r| Ray {
+        // They go one way, which a packet tells.
+        let one_way = changed(&|_, r| Ray {
             dir: r.dir * 0.1 - Vec3::Y,
             ..r
-        }));
+        });
+        none(&one_way);
+        for count in [1, 5, PACKET] {
+            assert!(!goes_many_ways(&one_way[..count]));
+        }
+        for packet in rays.chunks(PACKET) {
+            assert!(goes_many_ways(packet));
+        }
         // Packets go one way, each its own.
         let order = by_direction(Level::best(), &rays).expect("an order");
         none(&changed(&|i, _| rays[usize::from(order[i])]));

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use hdtrapeze_simd::{Float, Kernel, Mask, Simd};
 
-use super::by_direction::{BATCH, by_direction};
+use super::by_direction::{BATCH, by_direction, goes_many_ways};
 use super::inside::InsideMany;
 use super::late::Late;
 use super::movers::MoversMany;
@@ -123,7 +123,8 @@ impl World {
             let (packet, rest) = batch.split_at(batch.len().min(PACKET));
             let first = self.ask_packet(packet, None, own.some(0..packet.len()), None);
             counts = counts + first;
-            let order = match first.tests() >= COSTLY * PACKET as u64 {
+            let costly = first.tests() >= COSTLY * PACKET as u64;
+            let order = match costly && goes_many_ways(packet) {
                 true => by_direction(self.level, rest),
                 false => None,
             };
@@ -509,6 +510,7 @@ mod tests {
                         // They are sorted.
                         assert!(by_direction(level, &batch[PACKET..]).is_some());
                         let first = &batch[..PACKET];
+                        assert!(goes_many_ways(first));
                         let mut counts = TraceCounts::default();
                         let mut hits = [Hit::MISS; PACKET];
                         world.trace_many(first, &mut hits, &mut counts);
