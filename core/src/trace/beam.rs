@@ -13,7 +13,8 @@
 //! within 3 pads of the box. In units of `U S`, with coordinates and `|z|` of at most `S` and slopes of at most 2,
 //! a line at an end is off by 11 (a difference by 1, which the slope doubles; the slope by 4, the product by 2, the sum by 3),
 //! moving it by 4 more, and the chord between, of up to 4 S, by 23 (difference, quotient, length, product and sum).
-//! Planes at a time are off by 9 in `x` and by 9 in `z`, which a slope doubles: 65 together, less than a pad, which is
+//! Planes at a time are off by 8 in `x` and by 8 in `z` (at an end of the shutter by 3, a product of up to 2 S and a sum; their difference by 2, its
+//! product by 2, the sum by 1), which a slope doubles: 62 together, less than a pad, which is
 //! 80. So chords are moved by [`BEAM_PADS`] pads. The other half's chord only widens a beam, whatever it rounds there.
 //! Where the beam begins and ends is moved as far: what it rounds is less than that, too.
 //!
@@ -25,7 +26,8 @@
 use hdtrapeze_simd::{Float, Mask, Part, Simd};
 
 use super::cell::CellRay;
-use super::packet::{All, Packet, VECTORS, load3, part, split};
+use super::packet::{All, Lanes, Packet, VECTORS, load3, part, split};
+use crate::bvh::node::Lattice8;
 use crate::bvh::{Bounds8, Tree, U};
 
 /// Most that a ray may go along x or y while it goes 1 along z.
@@ -63,12 +65,33 @@ impl Chord {
             }
         }
     }
+}
 
-    /// The smallest between two lengths.
+/// Two chords of a half of the beam along an axis: of the smallest mirrored, and of the smallest.
+#[derive(Clone, Copy, Debug)]
+struct Chords {
+    start: [f32; 2],
+    /// Slopes of those that rise; 0 of others.
+    rising: [f32; 2],
+    /// Slopes of those that fall; 0 of others.
+    falling: [f32; 2],
+}
+
+impl Chords {
+    fn new([smallest, mirrored]: [Chord; 2]) -> Self {
+        Self {
+            start: [mirrored.start, smallest.start],
+            rising: [mirrored.slope.max(0.0), smallest.slope.max(0.0)],
+            falling: [mirrored.slope.min(0.0), smallest.slope.min(0.0)],
+        }
+    }
+
+    /// The smallest of each between two lengths, in turns.
     #[inline(always)]
-    fn least<S: Simd>(&self, simd: S, between: &[S::F8; 2]) -> S::F8 {
-        let at = between[usize::from(self.slope < 0.0)];
-        at.mul_add(simd.all8(self.slope), simd.all8(self.start))
+    fn least<S: Simd>(&self, simd: S, [low, high]: [S::F16; 2]) -> S::F16 {
+        // One of both terms is 0.
+        let falling = high.mul_add(simd.in_turns(&self.falling), simd.in_turns(&self.start));
+        low.mul_add(simd.in_turns(&self.rising), falling)
     }
 }
 
@@ -79,12 +102,14 @@ pub struct Beam {
     axes: [usize; 3],
     /// True where rays go down along z. All z are mirrored then.
     mirrored: bool,
-    /// Where the beam begins, its middle, and where it ends.
-    z: [f32; 3],
+    /// Where each half begins.
+    begins: [f32; 2],
+    /// Where the beam begins, mirrored, and where it ends.
+    ends: [f32; 2],
     /// The first and the last instant.
     times: [f32; 2],
-    /// Along x and y, of the smallest and of the smallest mirrored, in each half.
-    sides: [[[Chord; 2]; 2]; 2],
+    /// Along x and y, in each half.
+    sides: [[Chords; 2]; 2],
     /// What is wide along x and y.
     wide: [f32; 2],
     /// The largest z of an origin, and above.
@@ -100,8 +125,8 @@ pub struct Touched {
     pub children: u32,
     /// Those of them that are far wider than the beam: most rays meet most of them.
     pub wide: u32,
-    /// No ray meets a child sooner.
-    pub near: [f32; 8],
+    /// No ray meets a child sooner, in every other lane.
+    pub near: Lanes,
 }
 
 impl Beam {
@@ -236,28 +261,29 @@ impl Beam {
                 }
             }
         }
-        let halves = |[a, b, c]: [f32; 3]| {
-            [
-                Chord::new([a, b], z[1] - z[0], least),
-                Chord::new([b, c], z[2] - z[1], least),
-            ]
+        let halves = |sides: [[f32; 3]; 2]| {
+            let half = |k: usize| {
+                let chord = |x: [f32; 3]| Chord::new([x[k], x[k + 1]], z[k + 1] - z[k], least);
+                Chords::new(sides.map(chord))
+            };
+            [half(0), half(1)]
         };
         let width = |[least, mirrored]: [[f32; 3]; 2]| {
             let at = |end: usize| -(least[end] + mirrored[end]);
             WIDE * at(0).max(at(1)).max(at(2))
         };
         let wide = ends.map(width);
-        let [x, y] = ends;
         Some(Beam {
             axes: [axes[0], axes[1], z_axis],
             mirrored,
-            z,
+            begins: [z[0], z[1]],
+            ends: [-z[0], z[2]],
             times: if B::MOVING {
                 [least_time.least(), most_time.most()]
             } else {
                 [0.0; 2]
             },
-            sides: [x.map(halves), y.map(halves)],
+            sides: ends.map(halves),
             wide,
             from: from.most() + by,
             inverses: [
@@ -267,32 +293,19 @@ impl Beam {
         })
     }
 
-    /// Ranges of 8 children along axis `a`, over all times of the packet.
+    /// Ranges of 8 children along axis `a`, over all times of the packet: lower ends, mirrored, and upper ones, in turns.
     #[inline(always)]
-    fn range<S: Simd, B: Bounds8>(&self, simd: S, bounds: &B, a: usize) -> [S::F8; 2] {
-        let (start, end) = (bounds.start(), bounds.end());
-        let mut out = [simd.all8(0.0); 2];
-        for (side, out) in out.iter_mut().enumerate() {
-            let q0 = simd.bytes8(&start.planes[a][side]);
-            if B::MOVING {
-                let q1 = simd.bytes8(&end.planes[a][side]);
-                let mut planes = [q0; 2];
-                for (plane, time) in planes.iter_mut().zip(self.times) {
-                    let (w0, w1) = (1.0 - time, time);
-                    let base = start.origin()[a] * w0 + end.origin()[a] * w1;
-                    *plane = q0.mul_add(simd.all8(start.step()[a] * w0), simd.all8(base));
-                    *plane = q1.mul_add(simd.all8(end.step()[a] * w1), *plane);
-                }
-                *out = if side == 0 {
-                    planes[0].min(planes[1])
-                } else {
-                    planes[0].max(planes[1])
-                };
-            } else {
-                *out = q0.mul_add(simd.all8(start.step()[a]), simd.all8(start.origin()[a]));
-            }
+    fn range<S: Simd, B: Bounds8>(&self, simd: S, bounds: &B, a: usize) -> S::F16 {
+        let outward = simd.in_turns(&[-1.0, 1.0]);
+        let start = planes(simd, bounds.start(), a);
+        if !B::MOVING {
+            return start * outward;
         }
-        out
+        let step = planes(simd, bounds.end(), a) - start;
+        let [first, last] = self.times;
+        let first = step.mul_add(simd.all16(first), start) * outward;
+        let last = step.mul_add(simd.all16(last), start) * outward;
+        first.max(last)
     }
 
     /// Children that the beam may touch.
@@ -307,44 +320,67 @@ impl Beam {
 
     #[inline(always)]
     fn touch<S: Simd, B: Bounds8>(&self, simd: S, bounds: &B, valid: u32) -> Touched {
-        let [low, high] = self.range(simd, bounds, self.axes[2]);
-        let (low, high) = if self.mirrored {
-            (-high, -low)
-        } else {
-            (low, high)
-        };
-        let ahead = low - simd.all8(self.from);
-        let [least, most] = self.inverses.map(
-            #[inline(always)]
-            |inverse| ahead * simd.all8(inverse),
-        );
-        let near = least.min(most).to_array();
-        let low = low.max(simd.all8(self.z[0]));
-        let high = high.min(simd.all8(self.z[2]));
-        let mut touched = low.le(high);
+        let [x_axis, y_axis, z_axis] = self.axes;
+        let mut z = self.range(simd, bounds, z_axis);
+        if self.mirrored {
+            z = simd.swapped(z);
+        }
+        // Of low ends: other lanes are without meaning.
+        let ahead = -z - simd.all16(self.from);
+        let [least, most] = self.inverses;
+        let near = (ahead * simd.all16(least)).min(ahead * simd.all16(most));
+        // What is along the beam.
+        let z = z.min(simd.in_turns(&self.ends));
+        let other = simd.swapped(z);
+        let lower = simd.mask16(LOWER);
+        let (low, high) = (-z.or(lower, other), other.or(lower, z));
         // Lengths from where each half begins.
         let mut halves = [[low, high]; 2];
-        for (between, &begin) in halves.iter_mut().zip(&self.z) {
-            let begin = simd.all8(begin);
+        for (between, &begin) in halves.iter_mut().zip(&self.begins) {
+            let begin = simd.all16(begin);
             *between = [low - begin, high - begin];
         }
-        let mut wide = touched;
-        for (a, sides) in self.sides.iter().enumerate() {
-            let [lower, upper] = self.range(simd, bounds, self.axes[a]);
-            wide = wide & simd.all8(self.wide[a]).lt(upper - lower);
-            for (side, most) in sides.iter().zip([upper, -lower]) {
-                let first = side[0].least(simd, &halves[0]);
-                let least = side[1].least(simd, &halves[1]).min(first);
-                touched = touched & least.le(most);
-            }
+        // By how much ranges reach into the beam: a difference has the right sign however it is rounded.
+        let mut inside = high - low;
+        let mut wide = simd.mask16(u32::MAX);
+        for (a, axis) in [x_axis, y_axis].into_iter().enumerate() {
+            let range = self.range(simd, bounds, axis);
+            let width = range + simd.swapped(range);
+            wide = wide & simd.all16(self.wide[a]).lt(width);
+            let [first, last] = &self.sides[a];
+            let least = first
+                .least(simd, halves[0])
+                .min(last.least(simd, halves[1]));
+            inside = inside.min(range - least);
         }
-        let children = touched.bits() & valid;
+        let inside = inside.min(simd.swapped(inside));
+        let touched = simd.all16(0.0).le(inside);
+        let children = pairs(simd, touched) & valid;
         Touched {
             children,
-            wide: wide.bits() & children,
-            near,
+            wide: pairs(simd, wide) & children,
+            near: near.to_array(),
         }
     }
+}
+
+/// Lanes of lower ends.
+const LOWER: u32 = 0x5555;
+
+/// Planes of 8 children along an axis: lower and upper ones in turns.
+#[inline(always)]
+fn planes<S: Simd>(simd: S, lattice: &Lattice8, axis: usize) -> S::F16 {
+    let axis = axis.min(2);
+    let [lower, upper] = &lattice.planes[axis];
+    let (origin, step) = (lattice.grid[axis], lattice.grid[3 + axis]);
+    simd.bytes_in_turns(lower, upper)
+        .mul_add(simd.all16(step), simd.all16(origin))
+}
+
+/// The pairs of lanes that `mask` has; both of a pair agree.
+#[inline(always)]
+fn pairs<S: Simd>(simd: S, mask: S::M16) -> u32 {
+    simd.some_bits(simd.more_bits(simd.no_bits(), mask, 0))
 }
 
 struct Hold<'a, 'b, S: Simd, B> {
@@ -437,7 +473,7 @@ mod tests {
                 let found = enter_packet(simd, &bounds, 0xff, packet.slabs, 1 << ray, spans);
                 entered |= found.children;
                 for child in (0..8).filter(|child| found.children >> child & 1 == 1) {
-                    if touched.near[child] > found.near(child) {
+                    if touched.near[2 * child] > found.near(child) {
                         in_time &= !(1 << child);
                     }
                 }

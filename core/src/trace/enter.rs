@@ -7,7 +7,7 @@
 
 use hdtrapeze_simd::{Float, Mask, Part, Simd};
 
-use super::packet::{All, LANES, PACKET, Ranges, Record, Slabs, VECTORS, part, turn_few};
+use super::packet::{All, LANES, Lanes, PACKET, Ranges, Record, Slabs, VECTORS, part, turn_few};
 use crate::bvh::Bounds8;
 use crate::bvh::bowing::Bowing;
 use crate::bvh::node::Lattice8;
@@ -21,7 +21,7 @@ pub struct Entered {
     /// The rays that may hit each child.
     pub rays: [u64; 8],
     /// Where the first of them enters it, in every other lane.
-    near: [f32; LANES],
+    near: Lanes,
 }
 
 impl Entered {
@@ -32,16 +32,16 @@ impl Entered {
         near: [f32::INFINITY; LANES],
     };
 
-    /// All of `rays` enter some children besides, none before `near`.
+    /// All of `rays` enter some children besides, none before `near`, of which every other lane counts.
     #[inline(always)]
-    pub fn enter_all(&mut self, children: u32, rays: u64, near: &[f32; 8]) {
+    pub fn enter_all(&mut self, children: u32, rays: u64, near: &Lanes) {
         self.children |= children;
         let mut rest = children;
         while rest != 0 {
             let child = (rest.trailing_zeros() & 7) as usize;
             rest &= rest - 1;
             self.rays[child] = rays;
-            self.near[2 * child] = near[child];
+            self.near[2 * child] = near[2 * child];
         }
     }
 

@@ -73,7 +73,7 @@ pub(super) fn walk_packet<S: Simd, B: Bounds8>(
             let mut valid = node.valid();
             // Children that all rays are taken to meet: testing them would leave out few.
             let mut all = 0;
-            let mut near = [0.0; 8];
+            let mut near = [0.0; LANES];
             if node.frame == 0
                 && rays.count_ones() >= BEAM_RAYS
                 && let Some(beam) = beam.get_or_insert_with(
