@@ -89,12 +89,24 @@ impl Rays {
 #[inline(always)]
 pub fn columns<S: Simd, R: Borrow<Ray>>(simd: S, rays: &[R]) -> [S::F8; LANES / 2] {
     let mut rows = [simd.all8(f32::NAN); LANES / 2];
-    for (ray, row) in rays.iter().zip(&mut rows) {
-        let ray = ray.borrow();
-        let ([x, y, z], [dx, dy, dz]) = (ray.origin.to_array(), ray.dir.to_array());
-        *row = simd.from8(&[x, y, z, dx, dy, dz, ray.time, ray.t_min]);
+    // Of all there may be, which is most often, their number is known and rows stay in registers.
+    if let Some(rays) = rays.first_chunk::<{ LANES / 2 }>() {
+        for (ray, row) in rays.iter().zip(&mut rows) {
+            *row = first_eight(simd, ray.borrow());
+        }
+    } else {
+        for (ray, row) in rays.iter().zip(&mut rows) {
+            *row = first_eight(simd, ray.borrow());
+        }
     }
     simd.transposed(rows)
+}
+
+/// All numbers of a ray but the last.
+#[inline(always)]
+fn first_eight<S: Simd>(simd: S, ray: &Ray) -> S::F8 {
+    let ([x, y, z], [dx, dy, dz]) = (ray.origin.to_array(), ray.dir.to_array());
+    simd.from8(&[x, y, z, dx, dy, dz, ray.time, ray.t_min])
 }
 
 /// Rays prepared for slab tests in one frame, mirrored so that each goes upward along each axis: `t = plane to + base`,

@@ -3,7 +3,7 @@
 use hdtrapeze_simd::{Float, Simd};
 
 use super::enter::Spans;
-use super::packet::{All, LANES, Lanes, PACKET, Ranges, VECTORS, in_turns, part, split};
+use super::packet::{All, LANES, PACKET, Ranges, VECTORS, in_turns, part, split};
 use super::{Hit, TraceCounts};
 use crate::bvh::block::CellRect;
 
@@ -148,18 +148,17 @@ impl Queries {
         simd: S,
         v: usize,
         asks: u32,
-        t_min: &Lanes,
-        t_max: &Lanes,
+        t_min: S::F16,
+        t_max: S::F16,
     ) {
         let asked = simd.mask16(asks);
-        let (least, most) = (simd.from16(t_min), simd.from16(t_max));
-        let ends = most.or(asked, simd.all16(f32::INFINITY)).to_array();
+        let ends = t_max.or(asked, simd.all16(f32::INFINITY)).to_array();
         for (best, t) in self.best[LANES * v..].iter_mut().zip(ends) {
             *best = Hit { t, ..Hit::MISS };
         }
-        self.t_min[v] = *t_min;
-        self.t_max[v] = *t_max;
-        self.ranges[v] = in_turns(simd, least, -most);
+        self.t_min[v] = t_min.to_array();
+        self.t_max[v] = t_max.to_array();
+        self.ranges[v] = in_turns(simd, t_min, -t_max);
     }
 
     /// A hit of a ray.

@@ -9,7 +9,7 @@ use super::by_direction::{BATCH, by_direction, goes_many_ways};
 use super::inside::InsideMany;
 use super::late::Late;
 use super::movers::MoversMany;
-use super::packet::{LANES, Lanes, PACKET, Packet, Rays, VECTORS, columns, part, split};
+use super::packet::{LANES, PACKET, Packet, Rays, VECTORS, columns, part, split};
 use super::queries::Queries;
 use super::room::{Room, Space};
 use super::traverse_packet::{Items, walk_packet};
@@ -382,33 +382,39 @@ fn are_scattered<S: Simd>(simd: S, rays: &[Rays], lanes: u64) -> bool {
 /// Rays of a vector by what they are made of, and what is asked about each; the lanes of those that ask for something.
 #[inline(always)]
 fn pack<S: Simd>(simd: S, rays: &[Ray], packed: &mut Rays, queries: &mut Queries, v: usize) -> u32 {
-    let mut t_max = [f32::NAN; LANES];
-    let mut t_min = [f32::NAN; LANES];
-    for (half, rays) in rays.chunks(LANES / 2).enumerate() {
-        let at = LANES / 2 * half;
-        for (t_max, ray) in t_max[at..].iter_mut().zip(rays) {
-            *t_max = ray.t_max;
-        }
-        let [x, y, z, dx, dy, dz, time, least] = columns(simd, rays);
-        let set = |to: &mut Lanes, x: S::F8| {
-            to[at..at + LANES / 2].copy_from_slice(&x.to_array());
-        };
-        for (to, x) in packed.origin.iter_mut().zip([x, y, z]) {
-            set(to, x);
-        }
-        for (to, x) in packed.dir.iter_mut().zip([dx, dy, dz]) {
-            set(to, x);
-        }
-        set(&mut packed.time, time);
-        set(&mut t_min, least);
+    // Whole vectors are written: what is written in halves must not be read as one soon.
+    let (first, last) = rays.split_at(rays.len().min(LANES / 2));
+    let t_max = simd.halves(ends(simd, first), ends(simd, last));
+    let (first, last) = (columns(simd, first), columns(simd, last));
+    let mut numbers = [t_max; LANES / 2];
+    for ((both, first), last) in numbers.iter_mut().zip(first).zip(last) {
+        *both = simd.halves(first, last);
     }
-    let time = simd.from16(&packed.time);
+    let [x, y, z, dx, dy, dz, time, t_min] = numbers;
+    packed.origin = [x.to_array(), y.to_array(), z.to_array()];
+    packed.dir = [dx.to_array(), dy.to_array(), dz.to_array()];
     // Comparisons with NaN are false.
-    let asks = simd.from16(&t_min).le(simd.from16(&t_max)) & time.le(time);
+    let asks = t_min.le(t_max) & time.le(time);
     packed.time = clamp_times(simd, time).to_array();
     let asks = asks.bits() & ((1u32 << rays.len()) - 1);
-    queries.begin_all(simd, v, asks, &t_min, &t_max);
+    queries.begin_all(simd, v, asks, t_min, t_max);
     asks
+}
+
+/// `t_max` of up to 8 rays; NaN where there is no ray.
+#[inline(always)]
+fn ends<S: Simd>(simd: S, rays: &[Ray]) -> S::F8 {
+    let mut ends = [f32::NAN; LANES / 2];
+    if let Some(rays) = rays.first_chunk::<{ LANES / 2 }>() {
+        for (to, ray) in ends.iter_mut().zip(rays) {
+            *to = ray.t_max;
+        }
+    } else {
+        for (to, ray) in ends.iter_mut().zip(rays) {
+            *to = ray.t_max;
+        }
+    }
+    simd.from8(&ends)
 }
 
 /// A packet of queries, for any instruction set.
