@@ -119,7 +119,7 @@ impl World {
         for batch in rays.chunks(BATCH) {
             let mut own = answers.some(begin..begin + batch.len());
             begin += batch.len();
-            // The first packet tells whether there is so much to test that an order pays.
+            // The first packet tells whether there is so much to test that an order pays, and whether its rays go more ways than one.
             let (packet, rest) = batch.split_at(batch.len().min(PACKET));
             let first = self.ask_packet(packet, None, own.some(0..packet.len()), None);
             counts = counts + first;
@@ -401,7 +401,7 @@ fn pack<S: Simd>(simd: S, rays: &[Ray], packed: &mut Rays, queries: &mut Queries
     asks
 }
 
-/// `t_max` of up to 8 rays; NaN where there is no ray.
+/// `t_max` of up to 8 rays, as [`columns`] has their other numbers; NaN where there is no ray.
 #[inline(always)]
 fn ends<S: Simd>(simd: S, rays: &[Ray]) -> S::F8 {
     let mut ends = [f32::NAN; LANES / 2];
