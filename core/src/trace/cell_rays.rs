@@ -5,6 +5,9 @@ use hdtrapeze_simd::{Float, Mask, Part, Simd};
 use super::cell::CellRay;
 use super::packet::{All, LANES, Lanes, PACKET, Rays, VECTORS, load3, part, split};
 
+/// Floats from here on, and as many more, are the whole numbers, so that bits are a count.
+const WHOLE: f32 = 8_388_608.0;
+
 /// Rays prepared for the micropolygons of one mesh; see [`CellRay`].
 pub struct CellRays {
     /// Those that agree with each ray on axes and key: they are tested together.
@@ -170,11 +173,11 @@ impl CellRays {
         }
         let fraction = (time - from).over(to - from);
         self.fraction[v] = fraction.max(zero).min(one).to_array();
-        let key = key.to_array();
-        for (to, key) in self.key[LANES * v..].iter_mut().zip(key) {
-            *to = key as u32;
+        let whole = (key + simd.all16(WHOLE)).to_array();
+        for (to, whole) in self.key.as_chunks_mut::<LANES>().0[v].iter_mut().zip(whole) {
+            *to = whole.to_bits() - WHOLE.to_bits();
         }
-        key
+        key.to_array()
     }
 
     /// Finds which of the rays `sound` agree, by numbers which are the same for those that do.
@@ -196,6 +199,12 @@ impl CellRays {
                 return;
             }
             rest &= !like;
+            // Those of one kind follow each other, most often: times in order.
+            let (from, to) = (like.trailing_zeros(), PACKET as u32 - like.leading_zeros());
+            if sound << (PACKET as u32 - to) >> (PACKET as u32 - to) >> from << from == like {
+                self.like[from as usize..to as usize].fill(like);
+                continue;
+            }
             let mut left = like;
             while left != 0 {
                 self.like[left.trailing_zeros() as usize & (PACKET - 1)] = like;
@@ -265,5 +274,87 @@ fn wins<F: Float<LANES>>(of: F, other: F, first: bool) -> F::Mask {
         other.abs().le(of.abs())
     } else {
         other.abs().lt(of.abs())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+    use hdtrapeze_simd::{Kernel, Level};
+
+    use super::*;
+    use crate::grid::locate_key;
+    use crate::trace::random::{cube, unit};
+
+    /// Rays that are in order of time or not, which go one way or several, all of them sound or some.
+    struct Prepares;
+
+    impl Kernel for Prepares {
+        type Output = [usize; 2];
+        #[inline(always)]
+        fn run<S: Simd>(self, simd: S) -> [usize; 2] {
+            let state = &mut 5;
+            let (mut whole, mut split) = (0, 0);
+            for case in 0..400 {
+                let count = [1, 2, 3, 9][case % 4];
+                let (in_order, one_way, all) = (case & 4 != 0, case & 8 != 0, case & 16 != 0);
+                let key_times: Vec<f32> = (0..count).map(|k| k as f32 / 8.0).collect();
+                let mut times: Vec<f32> = (0..PACKET).map(|_| unit(state)).collect();
+                if in_order {
+                    times.sort_by(f32::total_cmp);
+                }
+                let mut rays = [Rays::NONE; VECTORS];
+                let mut sound = 0u64;
+                for (i, &time) in times.iter().enumerate() {
+                    let dir = match one_way {
+                        true => Vec3::new(0.1, 0.2, 1.0) + 0.3 * cube(state),
+                        false => cube(state),
+                    };
+                    let rays = &mut rays[i / LANES];
+                    for axis in 0..3 {
+                        rays.dir[axis][i % LANES] = dir[axis];
+                    }
+                    rays.time[i % LANES] = time;
+                    sound |= u64::from(all || unit(state) < 0.7) << i;
+                }
+                let mut cells = CellRays::SPOILED;
+                cells.set(simd, &rays, sound, &key_times);
+                let kind = |i: usize| {
+                    let rays = &rays[i / LANES];
+                    let (key, fraction) = locate_key(&key_times, rays.time[i % LANES]);
+                    let dir = Vec3::from_array(rays.dir.map(|d| d[i % LANES]));
+                    (key as u32, CellRay::axes_of(dir)[2] as u8, fraction)
+                };
+                let is_sound = |i: &usize| sound >> i & 1 == 1;
+                for i in (0..PACKET).filter(is_sound) {
+                    let (key, axis, fraction) = kind(i);
+                    assert_eq!((cells.key[i], cells.z_axis[i]), (key, axis), "{case}, {i}");
+                    if count > 1 {
+                        assert_eq!(
+                            cells.fraction[i / LANES][i % LANES],
+                            fraction,
+                            "{case}, {i}"
+                        );
+                    }
+                    let agree = |&j: &usize| is_sound(&j) && (kind(j).0, kind(j).1) == (key, axis);
+                    let like = (0..PACKET)
+                        .filter(agree)
+                        .fold(0, |like, j| like | 1u64 << j);
+                    assert_eq!(cells.like[i], like, "{case}, {i}");
+                    let (from, to) = (like.trailing_zeros(), like.leading_zeros());
+                    let apart = (sound << to >> to >> from << from) != like;
+                    *(if apart { &mut split } else { &mut whole }) += 1;
+                }
+            }
+            [whole, split]
+        }
+    }
+
+    #[test]
+    fn rays_agree_with_those_that_have_their_axes_and_key() {
+        for level in Level::available() {
+            let [whole, split] = level.run(Prepares);
+            assert!(whole > 5000 && split > 5000, "{whole}, {split}");
+        }
     }
 }
