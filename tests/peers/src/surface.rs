@@ -44,7 +44,8 @@ fn split<'a, T>(squares: &[Square], mut rest: &'a mut [T]) -> Vec<&'a mut [T]> {
 /// Our hits, on all threads: finds an order in each square, and traces its rays in that.
 pub fn trace(world: &World, rays: &[Ray], squares: &[Square], hits: &mut [Hit]) {
     let each = squares.par_iter().zip(split(squares, hits));
-    each.for_each(|(square, hits)| {
+    // A thread's hits lie where caches have them, as those of a tile do in renders, until they are in the order of rays.
+    each.for_each_init(Vec::new, |own, (square, hits)| {
         let rays = &rays[square.rays.clone()];
         let mut counts = TraceCounts::default();
         let Some(order) = square.order(world, rays, &mut counts) else {
@@ -52,6 +53,7 @@ pub fn trace(world: &World, rays: &[Ray], squares: &[Square], hits: &mut [Hit]) 
             return;
         };
         let Some(&any) = rays.first() else { return };
+        own.resize(rays.len(), Hit::MISS);
         let (mut packet, mut found) = ([any; PACKET], [Hit::MISS; PACKET]);
         for order in order.chunks(PACKET) {
             for (ray, &i) in packet.iter_mut().zip(order) {
@@ -60,9 +62,10 @@ pub fn trace(world: &World, rays: &[Ray], squares: &[Square], hits: &mut [Hit]) 
             let count = order.len();
             world.trace_many(&packet[..count], &mut found[..count], &mut counts);
             for (hit, &i) in found.iter().zip(order) {
-                hits[i as usize] = *hit;
+                own[i as usize] = *hit;
             }
         }
+        hits.copy_from_slice(own);
     });
 }
 
