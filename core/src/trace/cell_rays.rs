@@ -200,9 +200,10 @@ impl CellRays {
             }
             rest &= !like;
             // Those of one kind follow each other, most often: times in order.
-            let (from, to) = (like.trailing_zeros(), PACKET as u32 - like.leading_zeros());
-            if sound << (PACKET as u32 - to) >> (PACKET as u32 - to) >> from << from == like {
-                self.like[from as usize..to as usize].fill(like);
+            let (from, behind) = (like.trailing_zeros(), like.leading_zeros());
+            let run = u64::MAX << from & u64::MAX >> behind;
+            if sound & run == like {
+                self.like[from as usize..PACKET - behind as usize].fill(like);
                 continue;
             }
             let mut left = like;
