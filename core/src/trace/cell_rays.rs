@@ -3,10 +3,7 @@
 use hdtrapeze_simd::{Float, Mask, Part, Simd};
 
 use super::cell::CellRay;
-use super::packet::{All, LANES, Lanes, PACKET, Rays, VECTORS, load3, part, split};
-
-/// Floats from here on, and as many more, are the whole numbers, so that bits are a count.
-const WHOLE: f32 = 8_388_608.0;
+use super::packet::{All, LANES, Lanes, PACKET, Rays, VECTORS, WHOLE, load3, part, split};
 
 /// Rays prepared for the micropolygons of one mesh; see [`CellRay`].
 pub struct CellRays {

@@ -21,6 +21,9 @@ pub const VECTORS: usize = 4;
 /// Most rays of a packet.
 pub const PACKET: usize = VECTORS * LANES;
 
+/// Floats from here on, and as many more, are the whole numbers, so that their bits count.
+pub const WHOLE: f32 = 8_388_608.0;
+
 /// One number a ray.
 pub type Lanes = [f32; LANES];
 

@@ -124,7 +124,7 @@ impl World {
             let first = self.ask_packet(packet, None, own.some(0..packet.len()), None);
             counts = counts + first;
             let costly = first.tests() >= COSTLY * PACKET as u64;
-            let order = match costly && goes_many_ways(packet) {
+            let order = match costly && !rest.is_empty() && goes_many_ways(packet) {
                 true => by_direction(self.level, rest),
                 false => None,
             };

@@ -6,7 +6,7 @@
 use hdtrapeze_simd::{Float, Kernel, Level, Simd};
 
 use super::expected::Places;
-use super::packet::{LANES, PACKET};
+use super::packet::{LANES, PACKET, WHOLE};
 
 /// Columns along what is swept, of which slabs are made.
 const COLUMNS: usize = 1024;
@@ -23,7 +23,7 @@ const MANY: usize = 64;
 
 /// Numbers of columns, and of bins of all slabs, are of 16 bits; bins are counted backward by their bits.
 const _: () = assert!(COLUMNS <= 1 << 16 && MOST_SLABS * BINS <= 1 << 16);
-const _: () = assert!(BINS.is_power_of_two());
+const _: () = assert!(BINS.is_power_of_two() && COLUMNS.is_power_of_two());
 
 /// The order, as numbers of places; `None` where places are not finite, or all the same.
 pub fn in_rectangles(level: Level, places: &Places) -> Option<Vec<u32>> {
@@ -65,17 +65,15 @@ impl Kernel for Cut<'_> {
         });
 
         let mut begin = vec![0u32; slabs * BINS];
-        let mut keys: Vec<u16> = Vec::with_capacity(at.len() * LANES);
-        for at in at {
+        let mut keys = vec![[0u16; LANES]; at.len()];
+        for (at, own) in at.iter().zip(&mut keys) {
             let (columns, bins) = (along.numbers(simd, at), across.numbers(simd, at));
-            let mut own = [0; LANES];
             for (key, (column, bin)) in own.iter_mut().zip(columns.into_iter().zip(bins)) {
-                *key = slab_of[usize::from(column)] ^ bin;
+                *key = slab_of[usize::from(column) & (COLUMNS - 1)] ^ bin;
             }
-            keys.extend_from_slice(&own);
         }
-        keys.truncate(*count);
-        for &key in &keys {
+        let keys = &keys.as_flattened()[..*count];
+        for &key in keys {
             begin[usize::from(key)] += 1;
         }
         let mut sum = 0;
@@ -83,7 +81,7 @@ impl Kernel for Cut<'_> {
             sum += std::mem::replace(begin, sum);
         }
         let mut order = vec![0; *count];
-        for (i, &key) in (0..).zip(&keys) {
+        for (i, &key) in (0..).zip(keys) {
             let begin = &mut begin[usize::from(key)];
             order[*begin as usize] = i;
             *begin += 1;
@@ -170,7 +168,7 @@ impl Ruler {
         let by = direction.map(|d| d * 0.5 * numbers / (REACH * half));
         Self {
             by,
-            plus: 0.5 * numbers - by[0] * middle[0] - by[1] * middle[1],
+            plus: 0.5 * numbers - by[0] * middle[0] - by[1] * middle[1] - 0.5,
             last: numbers - 1.0,
         }
     }
@@ -181,7 +179,9 @@ impl Ruler {
         let y = simd.from16(&at[1]) * simd.all16(self.by[1]);
         let along = x + y + simd.all16(self.plus);
         let along = along.max(simd.all16(0.0)).min(simd.all16(self.last));
-        along.to_array().map(|x| x as u16)
+        // The nearest whole numbers, side by side: `plus` is half less.
+        let whole = along + simd.all16(WHOLE);
+        whole.to_array().map(|x| x.to_bits() as u16)
     }
 }
 
